@@ -18,7 +18,7 @@ def options():
 def main(study):
     args = study.args
     if unknown := {*(args.only or ())} - {*CASES}:
-        raise ff.InputError(f"no case is called {min(unknown)}; allowed are {', '.join(CASES)}")
+        raise ff.InputError(f"no case is called {min(unknown)}; expected {', '.join(CASES)}")
     folder, setting, rows = study.folder(), Setting(study.comm, study.fabric), []
     study.say(HEAD)
     for name in args.only or CASES:

@@ -23,7 +23,7 @@ SAME = (  # as in OpenRadioss, which has rigid contact, and no bending: ours is 
 def main(study: PressStudy):
     press = study.read(*SAME)
     if (angle := press.sheets[0].fibre_angle) not in (0, 45):
-        raise ff.InputError(f"`fibre_angle` is {angle:g}; allowed are 0 and 45, as OpenRadioss'")
+        raise ff.InputError(f"`fibre_angle` is {angle:g}; expected 0 and 45, as OpenRadioss'")
     result, found = study.run(study.build(press)), None
     if study.comm.rank == 0:
         found = explicit_code.compare_formed(REFERENCE, int(angle), result.grid, result.rows)

@@ -37,7 +37,7 @@ def main(study: PressStudy):
         if failure.result:
             tell(study, press, failure.result, study.args.out)
         if press.schedule.unloads:
-            study.say("the blank is not unloaded, as the forming is not believed")
+            study.say("the blank is not unloaded, as the forming is not valid")
         raise
     tell(study, press, result, study.args.out)
     if study.args.refine:

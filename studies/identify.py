@@ -37,7 +37,7 @@ def options():
 def check(args):
     """InputError for options that do not fit together."""
     if ending(args.out) != ".toml":
-        raise InputError(f"--out is {args.out}; allowed is a file that ends in .toml")
+        raise InputError(f"--out is {args.out}; expected a file that ends in .toml")
     ends = ".toml", ".json", ".html", "_fit.png", "_residuals.png", "_correlation.png"
     files = (args.out.with_name(args.out.stem + end) for end in (*ends, "_compaction.png"))
     check_new(*files, overwrite=args.overwrite)

@@ -49,8 +49,8 @@ def draw(path, x, panels):
 def main(study):
     args, fabric = study.args, study.fabric
     if missing := {"p_min", "c", "d"} - {*fabric.parameters}:
-        law = f"--material {args.material} is of the law {fabric.law}"
-        raise InputError(f"{law}, which has no {', '.join(missing)}; allowed is one that has")
+        law = f"--material {args.material} has the law {fabric.law}"
+        raise InputError(f"{law}, which has no {', '.join(missing)}; expected one that has")
     folder = study.folder()
     e = np.linspace(LOW, HIGH, args.points or (57 if args.quick else 225))
     maps, shares = stability_maps(fabric, e)

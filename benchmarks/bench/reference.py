@@ -96,5 +96,5 @@ def read_references(folder, names, fabric, material):
     for name in names:
         if facts[name]["material"] != fabric.dumps():
             flaw = f"`material` {material} is not that of {name}.json in {folder}"
-            raise ff.InputError(f"{flaw}; allowed is that of benchmarks/reference.py")
+            raise ff.InputError(f"{flaw}; expected that of benchmarks/reference.py")
     return {name: facts[name]["quantities"] for name in names}

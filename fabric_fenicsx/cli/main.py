@@ -20,17 +20,17 @@ from .options import STUDIES, Parser, asks_for_help, exit_status
 COMMANDS = """\
 run:
   STUDY    {}
-  sweep    runs of a press file with several values, side by side
+  sweep    parameter study: runs of a press file with several values
 
 results:
-  view     formed plies and tools in a window, or a page for a browser
+  view     formed plies and tools in a window or a web page
   export   formed plies, thickness and yarns, for VTK, Abaqus, LS-DYNA, Nastran
   pattern  the flat pattern of a trimmed part
 
 set-up:
-  info     versions, presets, and whether all works
-  list     the studies, and where their example data are
-  prepare  compiles what usual runs need, so that the first ones do not wait for it"""
+  info     versions, presets, and a check of the installation
+  list     the studies, and the folder of their example data
+  prepare  compile the forms of standard runs"""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -81,7 +81,7 @@ def main(argv: list[str] | None = None) -> int:
 def _parsed(argv, scripts):
     """The command of the words; InputError for others."""
     names = textwrap.fill(", ".join(scripts), 88, subsequent_indent=11 * " ")
-    usage = "fabric STUDY|COMMAND [option ...]; with --help the options of each"
+    usage = "fabric STUDY|COMMAND [option ...]; --help lists the options of each"
     parser = Parser(prog="fabric", usage=usage, description=COMMANDS.format(names))
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("-v", "--version", action="version", version=__version__)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from ..core.errors import NOT_BELIEVED, InputError, Interrupted
+from ..core.errors import NOT_VALID, InputError, Interrupted
 from ..core.files import unwritable
 from ..core.processes import on_ranks
 from ..core.rules import Rule
@@ -29,7 +29,7 @@ def exit_status(error: Exception) -> tuple[int, str]:
     error = unwritable(error) if isinstance(error, OSError) else error
     if isinstance(error, InputError):
         return 2, f"error: {error}"
-    ended = isinstance(error, Interrupted) or str(error).startswith(NOT_BELIEVED)
+    ended = isinstance(error, Interrupted) or str(error).startswith(NOT_VALID)
     return 3, str(error) if ended else f"stopped: {error}"
 
 
@@ -63,7 +63,7 @@ def option_type(rule: Rule) -> Callable[[str], object]:
         try:
             return rule.check("", float(text))
         except (ValueError, InputError):
-            flaw = f"{text} is not allowed; allowed is {rule.allowed}"
+            flaw = f"{text} is not allowed; expected {rule.allowed}"
             raise argparse.ArgumentTypeError(flaw) from None
 
     return convert
@@ -116,7 +116,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raise InputError with what argparse says."""
-        raise InputError(f"{message}; --help tells what is allowed")
+        raise InputError(f"{message}; see --help")
 
 
 class HelpFormatter(argparse.ArgumentDefaultsHelpFormatter):

@@ -17,7 +17,7 @@ from ..press.stages import Stage
 PRESSES = "double_dome", "hemisphere", "laminate"
 
 
-@task("compiling what usual runs need")
+@task("compiling the forms of standard runs")
 def prepare() -> None:
     """Run a small one of each test and of some presses for two steps, and keep no results."""
     log.setLevel(logging.ERROR)  # so few cells are warned of

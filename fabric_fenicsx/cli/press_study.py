@@ -18,13 +18,13 @@ def press_parser(description: str | None, name: str = Press.NAME, press: str = "
     usage = f"%(prog)s {'' if press else 'press.toml '}[option ...]"
     p = Parser(prog=program(name), usage=usage, description=description)
     if not press:
-        words = "the press: blank, tools, holders, stages; or the name of one in studies/presses"
+        words = "press file, or the name of one in studies/presses"
         p.option("file", metavar="press.toml", help=words, free=True)
     p.group("usual")
     p.group("press")
     several: Any = {"action": "append", "metavar": "KEY=VALUE", "default": [], "free": True}
-    p.option("--set", **several, help="change an entry of the file, as tools.punch.radius=40")
-    p.group("all plies, in place of what the press says")
+    p.option("--set", **several, help="change an entry of the file, e.g. tools.punch.radius=40")
+    p.group("all plies, overriding the press file")
     for each in declared(Sheet):
         if each.name in OF_ALL_PLIES:
             p.option(spelled(each.name), free=True, **kind_of_option(each.metadata))

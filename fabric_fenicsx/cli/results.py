@@ -18,9 +18,9 @@ from ..results import pattern, space, states, structural
 from ..results.ply import planes_of
 from .options import Parser, option_type
 
-PLANE = '"z=5" (what is above it), or "x,y,z,nx,ny,nz": a point [mm] and the normal to what is kept'
+PLANE = '"z=5" (keep what is above), or "x,y,z,nx,ny,nz": a point [mm], a normal to the kept side'
 
-FRAME = "coordinates of this tool's file at the end, `tool`: of the leading one (default: press)"
+FRAME = "final coordinates of this tool's file; `tool`: of the leading tool (default: press)"
 
 
 def run(command: str, words: Sequence[str]) -> None:
@@ -28,17 +28,17 @@ def run(command: str, words: Sequence[str]) -> None:
     how = {"export": _export, "pattern": _pattern, "view": _view}[command]
     parser = Parser(prog=f"fabric {command}", description=how.__doc__)
     parser.option("folder", metavar="DIR", help="results of a run")
-    parser.switch("--overwrite", "replace files that are there")
+    parser.switch("--overwrite", "replace existing files")
     args = how(parser, words)
     if reason := failure_reason(Path(args.folder) / "summary.json"):
-        print(f"warning: the run in {args.folder} did not end well: {reason}", file=sys.stderr)
+        print(f"warning: the run in {args.folder} did not end normally: {reason}", file=sys.stderr)
 
 
 def _export(parser, words):
     """Formed plies with thickness and yarns, for a structural analysis."""
     kinds = ".vtu (VTK), .inp (Abaqus), .k or .key (LS-DYNA), .bdf or .nas (Nastran)"
-    parser.option("file", metavar="FILE", help=f"to write, as its ending says: {kinds}")
-    parser.switch("--modelled", "what was modelled, as a quarter (default: the whole part)")
+    parser.option("file", metavar="FILE", help=f"file to write, with one of the extensions {kinds}")
+    parser.switch("--modelled", "only the modelled part, e.g. a quarter (default: the whole part)")
     parser.option("--frame", metavar="TOOL", help=FRAME)
     args = parser.parse_args(words)
     check_new(Path(args.file), overwrite=args.overwrite)
@@ -56,9 +56,9 @@ def _export(parser, words):
 
 def _view(parser, words):
     """Formed plies and tools in a window, or as a page for a browser."""
-    page = "write a page that needs no network, in place of a window (without a display: "
+    page = "write a self-contained web page instead of a window (without a display: "
     parser.option("--html", metavar="FILE", help=f"{page}DIR/view.html)")
-    field = "field of the cells to show (default: shear_angle)"
+    field = "cell field to show (default: shear_angle)"
     parser.option("--field", metavar="NAME", help=field)
     args = parser.parse_args(words)
     states.states(args.folder)
@@ -68,7 +68,7 @@ def _view(parser, words):
         file = Path(args.html or Path(args.folder) / "view.html")
         check_new(file, overwrite=args.overwrite)
         replace_file(file, space.page(args.folder, args.field))
-        print(f"{file}: the last state, for a browser")
+        print(f"{file}: web page of the last state")
     return args
 
 
@@ -86,19 +86,19 @@ def _pattern(parser, words):
     trim = parser.add_mutually_exclusive_group(required=True)
     line = "closed trim line on the formed ply: x, y and z in a .csv, or a .dxf; without z it is "
     trim.add_argument("--line", metavar="FILE", help=f"{line}projected along z; inner rings: holes")
-    trim.add_argument("--plane", help=f"plane that trims: {PLANE}")
-    parser.option("--out", metavar="STEM", help="of the files (default: DIR/pattern)")
+    trim.add_argument("--plane", help=f"trim plane: {PLANE}")
+    parser.option("--out", metavar="STEM", help="files without extension (default: DIR/pattern)")
     parser.option("--sheet", metavar="NAME", help="ply of a stack (default: all)")
     reach = "distance of the line from the ply (default: 2 thicknesses of all plies)"
     parser.option("--reach", type=option_type(POSITIVE), metavar="MM", help=reach)
-    edge = "of a formed net blank: tell how far its edge lies from the line, and write nothing"
+    edge = "for a formed net blank: report how far its edge is from the line, write no files"
     parser.switch("--edge", edge)
     parser.option("--frame", metavar="TOOL", help=FRAME)
     # a plane may begin with a minus, which argparse takes for an option
     joined = "\n".join(words).replace("--plane\n", "--plane=")
     args = parser.parse_args(joined.split("\n") if words else [])
     if args.edge and args.plane:
-        raise InputError("--edge is not allowed beside --plane; allowed is --line FILE")
+        raise InputError("--edge is not allowed with --plane; use --line FILE")
     grids = states.read_grids(args.folder)
     if args.sheet is not None and args.sheet not in grids:
         raise unknown_key(args.sheet, filter(None, grids), f"--sheet {args.sheet}")
@@ -110,7 +110,7 @@ def _pattern(parser, words):
         for name, grid in trimmed.items():
             largest, mean = map(rounded, pattern.edge_distance(grid, where))
             of_ply = f"the edge of {f'ply {name}' if name else 'the ply'}"
-            print(f"{of_ply} is up to {largest} mm from the trim line, {mean} mm in the mean")
+            print(f"{of_ply} is up to {largest} mm from the trim line, {mean} mm on average")
         return args
     reach = args.reach or 2 * sum(map(_thickness, grids.values()))
     labels = states.set_labels(grids) if len(grids) > 1 else {}
@@ -144,7 +144,7 @@ def _plane(text):
             point, normal = np.array(text.split(","), dtype=float).reshape(2, 3)
         if np.isfinite([*point, *normal]).all() and np.any(normal):
             return pattern.Plane(tuple(point), tuple(normal))
-    raise InputError(f"--plane is {text}; allowed is {PLANE}")
+    raise InputError(f"--plane is {text}; expected {PLANE}")
 
 
 def _thickness(grid):

@@ -51,29 +51,29 @@ def add_shared(p: Parser, test: Any, name: str, **defaults: Any) -> None:
     own = "" if "material" in defaults else " (that of the press)"
     presets = f"material file, or one of {', '.join(PRESETS)}{own}"
     p.option("--material", metavar="FILE|PRESET", help=presets, free=True)
-    text = "Python file with the classes of your own laws"
+    text = "Python file with your own laws"
     p.option("--law-file", metavar="FILE.py", help=text, free=True)
     models = {"choices": ("hyperelastic", "fabric"), "default": "hyperelastic"}
-    p.option("--model", **models, help="fabric: without all couplings", free=True)
+    p.option("--model", **models, help="fabric: no couplings", free=True)
     several = {"metavar": "COUPLING", "action": "append", "default": []}
     p.option("--without", **several, help=f"turn off one of {', '.join(COUPLINGS)}", free=True)
     add_fields(p, Settings, test, free=True)
     p.group("solver")
     unasked = {0: "", 1: " (yes)"}.get(test.CHEAP_FROM, f" (yes from {test.CHEAP_FROM} cells on)")
-    text = f"estimate all errors, from the same run on a mesh twice as coarse{unasked}"
+    text = f"estimate all errors by repeating the run on a coarser mesh{unasked}"
     p.option("--error", action=BooleanOptionalAction, help=text, free=True)
     if test is not Coupon:
-        text = "check all, draw setup.png of a press, take the first step and tell the cost"
+        text = "check the input, draw setup.png of a press, and estimate the cost from one step"
         p.switch("--dry-run", text)
     add_fields(p, Limits, test, prefix="max_", free=True)
     p.group("output")
     where = {"metavar": "DIR", "type": Path, "default": Path("results") / name}
     p.option("--out", **where, help="folder of the results", free=True)
-    p.switch("--resume", "go on from the checkpoint in --out, on any number of ranks")
+    p.switch("--resume", "continue from the checkpoint in --out, on any number of ranks")
     p.switch("--overwrite", "delete the results in --out first")
     p.switch("--no-pictures", "draw nothing")
     p.switch("--quick", "coarse mesh and few steps")
-    p.switch("--verbose", "print each Newton iteration, as log.txt has them")
+    p.switch("--verbose", "print each Newton iteration, as in log.txt")
     p.set_defaults(_sizes={False: test.FULL, True: test.QUICK}, **dict(test.SOLVER) | defaults)
 
 
@@ -123,7 +123,7 @@ class Study:
             if getattr(args, option, value) is None and not idle:
                 setattr(args, option, value)
         if args.resume and args.overwrite:
-            raise InputError("--resume and --overwrite are both given; allowed is one of them")
+            raise InputError("--resume and --overwrite are both given; expected one of them")
         self.fabric = fabric = self.read_fabric()
         self._free = options.free
         self._setup: Any = Setup  # the last that was built, for the report
@@ -152,8 +152,8 @@ class Study:
             read_laws(args.law_file)
         fabric = load(args.material)
         if args.law_file and type(fabric).__module__.startswith("fabric_fenicsx."):
-            flaw = f"--law-file: the material {args.material} is of the law {fabric.law}"
-            raise InputError(f"{flaw}; allowed is --material with a file of the law in it")
+            flaw = f"--law-file: the material {args.material} has the law {fabric.law}"
+            raise InputError(f"{flaw}; expected --material with a file of the law in it")
         return self.coupled(fabric if "temperature" in args else fabric.at(None))
 
     def coupled(self, fabric: Law) -> Law:
@@ -241,7 +241,7 @@ def run(name: str, options: Parser, main: Callable[[Any], None], kind: type[Stud
         if study and code == 3:
             study.write_report(description, text)
     except KeyboardInterrupt:
-        code, text = 3, "stopped: interrupted; --resume goes on from the last accepted state"
+        code, text = 3, "stopped: interrupted; --resume continues from the last accepted state"
     except Exception:
         traceback.print_exc()
         sys.stderr.flush()

@@ -34,22 +34,22 @@ def parser() -> Parser:
     power = Rule("a power of 2 from 8 on", lambda v: v >= 8 and v.bit_count() == 1, int)
     count: dict = {"type": option_type(COUNT)}
     several: dict = {"action": "append", "default": []}
-    words = "the press file, or the name of one in studies/presses"
+    words = "press file, or the name of one in studies/presses"
     p.option("press", metavar="press.toml", type=_press_file, help=words)
-    words = 'as "holder.pressure=0.01,0.05,0.2"; with --scatter as "holder.pressure=0.01..0.2"; '
+    words = 'e.g. "holder.pressure=0.01,0.05,0.2", with --scatter "holder.pressure=0.01..0.2"; '
     p.option("--vary", metavar="KEY=VALUES", **several, help=f"{words}several are combined")
     p.option("--out", metavar="DIR", type=Path, help="default results/sweep_PRESS")
     words = "runs at a time (by default as many as cores and free memory allow)"
     p.option("--jobs", metavar="N", **count, help=words)
     p.option("--ranks", metavar="N", **count, default=1, help="of each run, one core each")
-    words = "run nothing here, but write a script for Slurm: a job array with a task for each run"
+    words = "do not run, but write a Slurm script: a job array with one task per run"
     p.option("--slurm", metavar="FILE", type=Path, help=words)
     either = p.add_mutually_exclusive_group()
-    words = "do run K alone, counted from 1, as a task of the array does"
+    words = "do only run K, counted from 1, as a task of the array does"
     either.add_argument("--only", metavar="K", **count, help=words)
     words = "delete the sweep in --out first"
     either.add_argument("--overwrite", action="store_true", help=words)
-    words = "say where a quantity is below X over the one number that is varied; with --scatter "
+    words = "report for which values of the varied number a quantity is below X; with --scatter "
     p.option("--below", metavar="QUANTITY=X", **several, help=f"{words}count the runs")
     words = "N runs, 16, 32 or 64, over intervals of [scatter] of the material files and of --vary"
     p.option("--scatter", metavar="N", type=option_type(power), help=words)
@@ -64,13 +64,13 @@ def _press_file(word):
 
 
 def main(argv: Sequence[str], program: type[SweepRun] = SweepRun) -> int:
-    """Run the sweep of these words; returns its exit status: 0 if all runs are believed, 2 for bad
-    input, 3 if one is not believed or the sweep was stopped. program: of the runs."""
+    """Run the sweep of these words; returns its exit status: 0 if all runs are valid, 2 for bad
+    input, 3 if one is not valid or the sweep was stopped. program: of the runs."""
     try:
         cut = argv.index("--") if "--" in argv else len(argv)
         args, passed = parser().parse_args(argv[:cut]), list(argv[cut + 1 :])
-        if unbelieved := _sweep(args, passed, program(args.press, passed, args.ranks), argv):
-            raise SolverFailure(unbelieved)
+        if invalid := _sweep(args, passed, program(args.press, passed, args.ranks), argv):
+            raise SolverFailure(invalid)
     except (InputError, SolverFailure, Interrupted, OSError) as error:
         status, text = exit_status(error)
         print(f"fabric sweep: {text.removeprefix('stopped: ')}", file=sys.stderr, flush=True)
@@ -79,7 +79,7 @@ def main(argv: Sequence[str], program: type[SweepRun] = SweepRun) -> int:
 
 
 def _sweep(args, passed, form, argv):
-    """Run it and write what it found; why not all runs are believed, or ""."""
+    """Run it and write what it found; why not all runs are valid, or ""."""
     ranges, values = _planned(args, passed, form)
     below = [results.limit_of(word) for word in args.below]
     asked = [name for name, _ in below]
@@ -110,9 +110,9 @@ def _sweep(args, passed, form, argv):
             results.write(sweep, told, not args.no_pictures)
             print(f"table, pictures and report are in {out}")
         sweep.close()
-    doubted = sum(not run.is_believed() for run in runs)
-    some = f"{doubted} of {len(runs)} runs are not believed"
-    return f"{some}; table.csv in {out} says why" if doubted else ""
+    doubted = sum(not run.is_valid() for run in runs)
+    some = f"{doubted} of {len(runs)} runs are not valid"
+    return f"{some}; table.csv in {out} has the reasons" if doubted else ""
 
 
 def _planned(args, passed, form):
@@ -136,16 +136,16 @@ def _faults(args, passed, lists, ranges, count):
     given = "--set", "--out", "--resume", "--overwrite"  # to each run, by the sweep
     for word in passed:
         if word.split("=")[0] in given:
-            yield f"option {word} is behind --; allowed are options of form but {', '.join(given)}"
+            yield f"option {word} is after --; expected options of form except {', '.join(given)}"
     if not (lists or ranges):
-        yield "nothing is varied; allowed is --vary, or --scatter and [scatter] in a material file"
+        yield "nothing is varied; expected --vary, or --scatter and [scatter] in a material file"
     least = 1 << (2 * len(ranges) + 1).bit_length()
     if ranges and args.scatter < least:
-        yield f"--scatter is {args.scatter}; allowed for {len(ranges)} numbers is {least} or more"
+        yield f"--scatter is {args.scatter}; expected {least} or more for {len(ranges)} numbers"
     if lists and args.below and [None in map(folder.number, v) for v in lists.values()] != [False]:
-        yield f"--below is given for {', '.join(args.vary)}; allowed is one key's numbers"
+        yield f"--below is given for {', '.join(args.vary)}; expected one key with numbers"
     if args.only and args.only > count:
-        yield f"--only is {args.only}; allowed is 1 to {count}"
+        yield f"--only is {args.only}; expected 1 to {count}"
 
 
 def _announce(values, runner):
@@ -161,12 +161,12 @@ def _write_job_array(file, words, count, ranks):
     """Write a script for Slurm, a task a run of the `count` that `fabric sweep` with these words
     does, to start in the present folder. InputError for a file that is there."""
     if file.exists():
-        raise InputError(f"--slurm {file} is there already; allowed is another file")
+        raise InputError(f"--slurm {file} exists already; choose another file")
     cut = words.index("--") if "--" in words else len(words)
     own = [word for word in words[:cut] if word != "--overwrite"]
     start = shlex.join([sys.executable, "-m", "fabric_fenicsx", "sweep", *own])
     here, passed = shlex.quote(str(Path.cwd())), shlex.join(words[cut:])
     of_array = {"count": count, "ranks": ranks, "folder": here, "start": start}
     replace_file(file, JOB_ARRAY.format(passed=passed, **of_array))
-    print(f"{file}: a job array of {count} runs, for sbatch; the same sweep without --slurm then")
-    print("writes their table and does those that are missing")
+    print(f"{file}: a job array of {count} runs, for sbatch; afterwards the same sweep without")
+    print("--slurm does missing runs and writes the table")

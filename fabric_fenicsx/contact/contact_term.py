@@ -148,8 +148,8 @@ class ContactTerm(Term):
         if not used > 0.01 > slid:  # the share that is worth a word
             return []
         return [
-            f"friction of {self._rubs_on()} never leaves its elastic slip, of which {used:.2g} is "
-            "used: what it holds sticks, as stiffly as `slip` lets it"
+            f"friction of {self._rubs_on()} never leaves its elastic branch ({used:.2g} of the "
+            "limit): all contact sticks, with a stiffness that depends on `slip`"
         ]
 
     def energies(self) -> dict[str | None, float]:

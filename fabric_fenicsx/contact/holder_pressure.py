@@ -100,7 +100,7 @@ class BlankHolderPressure(ToolContactTerm):
         super().__init__(tool, friction, self.name)
         if self.tool.force:
             raise InputError(
-                f"{self.tool.name} presses without contact and is moved by force; allowed is a path"
+                f"{self.tool.name} presses without contact and is moved by force; expected a path"
             )
 
     def set_up(self, scene: SceneFacts) -> None:
@@ -260,7 +260,7 @@ class LineBead(ToolContactTerm):
         self.line, self.name = shapely.LineString(points if points[1:] else None), name
         if not self.line.length:
             flaw = f"line of {name} is {repr_short(line)}"
-            raise InputError(f"{flaw}; allowed are two points or more")
+            raise InputError(f"{flaw}; expected two points or more")
         self.restraint = POSITIVE.check(f"restraint of {name} [N/mm]", restraint)
         super().__init__(Tool(Plane((0, 0, 0), (0, 0, 1)), name=name), law, name)
 

@@ -215,7 +215,7 @@ class SelfContact(FaceContact):
         if is_stack or blank.mesh.geometry.dim < 3 or not blank.is_flat():
             sheet = "a stack" if is_stack else f"{blank.name}, which is curved or in a plane"
             raise InputError(
-                f"{self.name} is asked of {sheet}; allowed is one flat sheet that is `spatial`, of "
+                f"{self.name} is asked of {sheet}; expected one flat sheet that is `spatial`, of "
                 'a stack by `.on("NAME")`'
             )
         face = self._face_of(scene, part, self._given["thickness"] or part.thickness)
@@ -298,7 +298,7 @@ def crossing_warning(blank: Blank) -> str:
     if not len(places) or len(parts) < 2 or any(len(self_crossings(part)) for part in parts):
         return ""
     return (
-        f"{' and '.join(part.name for part in parts)} pass through one another at {len(places)} "
+        f"{' and '.join(part.name for part in parts)} pass through each other at {len(places)} "
         f"places, as at {coordinates(places[0])} mm: contact acts at points within cells, so take "
         "smaller cells"
     )

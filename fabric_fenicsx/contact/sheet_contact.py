@@ -56,7 +56,7 @@ class FaceContact(ContactTerm):
         self.symmetric = [symmetric] if callable(symmetric) else list(symmetric)
         super().__init__(friction, name)
         if self.coulomb and isinstance(self.coulomb.coefficient, Mapping):
-            raise InputError(f"{name} has friction of several sheets; allowed is one number from 0")
+            raise InputError(f"{name} has friction of several sheets; expected one number from 0")
 
     def _begin(self, scene, points):
         """Let the faces press at the points; InputError if they overlap at the start."""
@@ -306,7 +306,7 @@ class SheetContact(FaceContact):
         for part in parts:
             if part.thickness is None:
                 raise InputError(
-                    f"{self.name} is asked of {part.name}, a patch; allowed are sheets of a stack"
+                    f"{self.name} is asked of {part.name}, a patch; expected sheets of a stack"
                 )
         faces = [self._face_of(scene, part, part.thickness) for part in parts]
         rule = self._points_of_cell

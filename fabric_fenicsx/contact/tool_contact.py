@@ -104,7 +104,7 @@ class Contact(ToolContactTerm):
         on = self.tool, self.part_name
         same = [t for t in scene.terms if isinstance(t, Contact) and (t.tool, t.part_name) == on]
         if len(same) > 1:
-            raise InputError(f"{len(same)} contacts with {self.tool.name} given; allowed is one")
+            raise InputError(f"{len(same)} contacts with {self.tool.name} given; expected one")
         self.nodes = Nodes(scene.blank, self.part, self.where)
         self.closest = ClosestOnTool(self.tool, self.nodes)
         self._flat = self._face_at_nodes(scene)
@@ -349,8 +349,8 @@ class Contact(ToolContactTerm):
         """See `Term`: if the tool's surface gave no number, which may be why steps failed."""
         place = next(filter(None, self.nodes.comm.allgather(self.closest.undefined_at)), "")
         words = (
-            f"the surface {type(self.tool.surface).__name__} of {self.tool.name} gives no number at"
-            f" {place}; `check_derivatives` tells what is wrong with a surface of your own"
+            f"the surface {type(self.tool.surface).__name__} of {self.tool.name} returns no number "
+            f"at {place}; `check_derivatives` finds errors in a surface of your own"
         )
         return [*super().warnings(), *[words] * bool(place)]
 

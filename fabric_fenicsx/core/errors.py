@@ -2,7 +2,7 @@
 
 from typing import Any
 
-NOT_BELIEVED = "the result is not to be believed: "  # beginning of the reason of such a run
+NOT_VALID = "the result is not valid: "  # beginning of the reason of such a run
 
 
 class InputError(ValueError):
@@ -15,7 +15,7 @@ class InputError(ValueError):
     >>> ff.Limits(viscous=-1)
     Traceback (most recent call last):
         ...
-    fabric_fenicsx.core.errors.InputError: `Limits.viscous` is -1; allowed is a number above 0
+    fabric_fenicsx.core.errors.InputError: `Limits.viscous` is -1; expected a number above 0
     """
 
 

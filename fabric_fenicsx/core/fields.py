@@ -45,7 +45,7 @@ def documented(kind: Kind) -> Kind:
         rule = each.metadata.get("rule")
         of: Any = rule.kind if isinstance(rule, Rule) else each.type
         name = f"{each.name} : {of.__name__}" if isinstance(of, type) else each.name
-        allowed = f"; allowed is {rule.allowed}" if isinstance(rule, Rule) else ""
+        allowed = f"; expected {rule.allowed}" if isinstance(rule, Rule) else ""
         head += f"\n{name}\n    {each.metadata['help']}{usual}{allowed}"
     if "\nRaises\n" not in doc:
         head += "\n\nRaises\n------\nInputError\n    For a value that is not allowed."
@@ -68,11 +68,11 @@ def check_fields(owner: object, label: Callable[[str], str] = "`{}`".format) -> 
             object.__setattr__(owner, each.name, value)
             most, hint = meta["doubt"] or (math.inf, "")
             if isinstance(value, (int, float)) and value > most:
-                doubts.append(f"{name} is {value:g}, which is much: {hint}")
+                doubts.append(f"{name} is {value:g}, which is large: {hint}")
         choices = ("true", "false") if "switch" in meta else meta.get("choices", ())
         is_one = isinstance(value, bool) if "switch" in meta else value in choices
         if choices and not is_one:
-            raise InputError(f"{name} is {value!r}; allowed is one of {', '.join(choices)}")
+            raise InputError(f"{name} is {value!r}; expected one of {', '.join(choices)}")
     return doubts
 
 

@@ -22,7 +22,7 @@ def check_file(path: Path, what: str, allowed: str) -> None:
     """Raise InputError for a `what` that is not there, no file, or empty."""
     if not path.is_file() or not path.stat().st_size:
         flaw = "is empty" if path.is_file() else "does not exist or is not a file"
-        raise InputError(f"{what} {path} {flaw}; allowed is {allowed}")
+        raise InputError(f"{what} {path} {flaw}; expected {allowed}")
 
 
 def plain(value: Any) -> Any:
@@ -62,8 +62,8 @@ def check_new(*files: Path, overwrite: bool) -> None:
     """Raise InputError for a file that is there and may not be replaced."""
     for file in files:
         if file.exists() and not overwrite:
-            allowed = "another file, or --overwrite to lose it"
-            raise InputError(f"{file} is there already; allowed is {allowed}")
+            allowed = "another file, or --overwrite to replace it"
+            raise InputError(f"{file} exists already; expected {allowed}")
 
 
 def lock_folder(folder: Path) -> IO | None:
@@ -109,4 +109,4 @@ def unwritable(error: OSError) -> InputError:
     if error.errno is None:  # as of gmsh, whose wheel needs some of the machine's libraries
         return InputError(f"{error}; `fabric info` says what works here")
     flaw = f"{error.filename or 'a file'} can't be read or written ({error.strerror})"
-    return InputError(f"{flaw}; allowed is a file in a folder of this user, with space left")
+    return InputError(f"{flaw}; expected a file in a folder of this user, with space left")

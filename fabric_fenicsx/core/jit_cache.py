@@ -21,7 +21,7 @@ def compiled(comm: MPI.Comm, make: Callable[[], T]) -> T:
     finish within `TIMEOUT`, as one that was killed, is removed and compiled anew."""
     logging.disable(logging.INFO)  # the C compiler's command lines
     try:
-        with phase("compile"), task("compiling forms, which are kept for later runs"):
+        with phase("compile"), task("compiling forms, cached for later runs"):
             return make()
     except (TimeoutError, RuntimeError) as error:  # RuntimeError where there are more ranks
         # the file that FFCx waited for in vain

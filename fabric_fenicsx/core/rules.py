@@ -32,7 +32,7 @@ class Rule:
                 finite = math.isfinite(number) or (self.endless and number == math.inf)
                 if finite and number == plain and self.test(number):
                     return number
-        raise InputError(f"{name} is {repr_short(value)}; allowed is {self.allowed}")
+        raise InputError(f"{name} is {repr_short(value)}; expected {self.allowed}")
 
 
 def above_zero(unit: str = "") -> Rule:
@@ -92,11 +92,11 @@ def unknown_key(key: object, allowed: Iterable[str], label: str) -> InputError:
     """The error for a key that is not among those allowed; it names the nearest."""
     allowed = list(allowed)
     hint = did_you_mean(key, allowed)
-    return InputError(f"{label} is unknown{hint}; allowed are {', '.join(allowed)}")
+    return InputError(f"{label} is unknown{hint}; expected {', '.join(allowed)}")
 
 
 def check_complete(found: Iterable[str], names: Iterable[str], where: str, place: str) -> None:
     """Raise InputError if one of the `names` was not found; where: prefix of names in the message,
     place: where they must be given."""
     if missing := [where + name for name in names if name not in found]:
-        raise InputError(f"missing {', '.join(missing)}; allowed is to give all, {place}")
+        raise InputError(f"missing {', '.join(missing)}; expected all of them, {place}")

@@ -23,7 +23,7 @@ def names_of(kind: type) -> list[str]:
 def as_table(value: object, path: str, allowed: str = "a table") -> dict:
     """A copy of the table at a path. Raises InputError for anything else."""
     if not isinstance(value, Mapping):
-        raise InputError(f"{path} is {repr_short(value)}; allowed is {allowed}")
+        raise InputError(f"{path} is {repr_short(value)}; expected {allowed}")
     return dict(value)
 
 
@@ -37,8 +37,8 @@ def key_of(keys: Collection[str], table: Mapping, path: str) -> str:
     """The key that tells of which kind a table is: the one that it has of `keys`."""
     found = [key for key in keys if key in table]
     if len(found) != 1:
-        flaw = f"has {' and '.join(found)}" if found else "does not say what it is"
-        raise InputError(f"{path} {flaw}; allowed is one of {', '.join(keys)}")
+        flaw = f"has {' and '.join(found)}" if found else "lacks an entry that says what it is"
+        raise InputError(f"{path} {flaw}; expected one of {', '.join(keys)}")
     return found[0]
 
 
@@ -52,7 +52,7 @@ def read(kind: type[Kind], table: Mapping, path: str, convert: Convert) -> Kind:
                 raise unknown_key(key, fields, f"{path}.{key}")
             meta, is_text = fields[key].metadata, fields[key].type in (str, "str")
             if is_text and not isinstance(value, str) and "choices" not in meta:
-                raise InputError(f"{path}.{key} is {repr_short(value)}; allowed is a text")
+                raise InputError(f"{path}.{key} is {repr_short(value)}; expected a text")
             is_number = "rule" in meta and isinstance(value, (int, float))
             given[key] = value if is_number else convert(value, meta, f"{path}.{key}")
         return kind(**given)
@@ -87,7 +87,7 @@ def key_and_value(change: str) -> tuple[list[str], object]:
     key, equals, text = change.partition("=")
     names = key.strip().split(".")
     if not equals or not all(names):
-        raise InputError(f"change {repr_short(change)} is no KEY=VALUE; allowed is e.g. blank.nx=8")
+        raise InputError(f"change {repr_short(change)} is not KEY=VALUE; expected e.g. blank.nx=8")
     with suppress(tomllib.TOMLDecodeError):
         return names, tomllib.loads(f"value = {text.strip()}")["value"]
     return names, text.strip()

@@ -69,7 +69,7 @@ class BiasExtension(Strip, YarnBending):
         if length < 2 * width * (1 - 1e-9):
             raise InputError(
                 f"the strip is {rounded(length, 6)} mm long and {rounded(width, 6)} mm wide; "
-                "allowed is a length of 2 widths or more, for a zone of full shear"
+                "expected a length of 2 widths or more, for a zone of full shear"
             )
         return super().sheet_warnings()
 
@@ -101,7 +101,7 @@ class BiasExtension(Strip, YarnBending):
         found["centre_shear_angle_deg"] = at_centre
         found["theory_shear_angle_deg"] = math.degrees(theory[-1]) if known else None
         if not known:
-            apart = "the clamps are further apart than inextensible yarns let them"
+            apart = "the clamps are further apart than inextensible yarns allow"
             found["no_theory_because"] = self.no_theory or apart
         return found | self.ranges(result)
 

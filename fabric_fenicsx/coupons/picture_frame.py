@@ -66,7 +66,7 @@ class PictureFrame(Coupon):
         if self.fibre_angle % 90 or self.yarn_angle != 90:
             raise InputError(
                 f"yarns are at {self.fibre_angle:g} deg to the frame and {self.yarn_angle:g} deg "
-                "to each other; allowed is 0 and 90, along its arms"
+                "to each other; expected 0 and 90, along its arms"
             )
 
     def state(self, load: float) -> tuple[float, float]:

@@ -108,7 +108,7 @@ class Strip(Coupon):
         length, width = self.high - self.low
         sizes = f"{length:.4g} mm along x, in which it is pulled, and {width:.4g} mm along y"
         across = f"{self.sheet_file} is {sizes}: turn it by 90 deg if it is a strip along y"
-        hole = "the sheet has a hole at its centre, so nothing is known there"
+        hole = "the sheet has a hole at its centre, so there are no values there"
         doubts = {across: self.sheet_file and width > length, hole: not self.has_centre}
         return [words for words, is_true in doubts.items() if is_true]
 

@@ -42,9 +42,9 @@ class Tensile(Strip):
     grips: str = choice(
         "clamped",
         ("clamped", "rollers"),
-        "rollers let the ends narrow: the state is then homogeneous",
+        "rollers let the ends contract, so the state is homogeneous",
     )
-    turned: float = quantity(0.0, FINITE, "angle of the whole test in the plane [deg]")
+    turned: float = quantity(0.0, FINITE, "rotation of the whole test in the plane [deg]")
 
     def supports(self) -> Supports:
         """Grips at both ends."""

@@ -64,7 +64,7 @@ class TripletPlaces:
         at others; the same at each call. InputError for another number of values."""
         if len(values) != len(self._rows):
             raise InputError(
-                "`tangent` of a term gives other places than before; allowed are always the same, "
+                "`tangent` of a term gives other places than before; expected always the same, "
                 "unless `pattern` counts up (`check_derivatives` of such a `size` tells which)"
             )
         if free is not None:

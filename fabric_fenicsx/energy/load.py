@@ -248,8 +248,8 @@ class ReleaseForces(_Load):
         """Raise InputError if the sheet was moved since the forces were taken."""
         if self.blank.mesh.comm.allreduce(not np.array_equal(self._u, self._start), MPI.LOR):
             raise InputError(
-                "the sheets were moved after their unloading was set up; set it up again, and run "
-                "it at once"
+                "the sheets moved after their unloading was set up; set it up again and run it "
+                "directly"
             )
 
     def springback(self) -> np.ndarray:

@@ -114,7 +114,7 @@ class Membrane(FabricStates):
         thickness: Field | None = None,
     ) -> None:
         if integration not in ("full", "inner"):
-            raise InputError(f"integration is {integration!r}; allowed are full, inner")
+            raise InputError(f"integration is {integration!r}; expected full, inner")
         checked_fabric("fabric of a membrane", fabric)
         degree, temperature, thickness = (
             value if value is None else rule.check(name, value)
@@ -146,7 +146,7 @@ class Membrane(FabricStates):
             allowed = "2 on triangles (P2) with straight sides" if inner else allowed
             raise InputError(
                 f"{blank.name}, with integration `{self.integration}`, is of degree {blank.degree} "
-                f"on {kind[0]}s; allowed is {allowed}"
+                f"on {kind[0]}s; expected {allowed}"
             )
         self.degree = self._quadrature_degree or default_degree(self.part)
         law, straight, rest = self._constants(mesh)

@@ -53,17 +53,17 @@ def band_warning(membrane: Membrane) -> str:
     short = -nominal_strain(invariants[rim][..., [0, 2]]).min(initial=1.0)
     short, apart = comm.allreduce(short, MPI.MAX), ""
     if short > CRUMPLED:
-        apart = f". A row of cells at its edge, where yarns are shortened by {percent(short)}, is "
-        apart += "its rim, not a band"
+        apart = f". The row of cells at its edge, where yarns are shortened by {percent(short)}, "
+        apart += "is not a band"
     width = ""
     if Gt > 0:
         width = f" of about sqrt(B / ({rounded(Gt)} N/mm)) there, and cells have half of it"
         size = math.sqrt(B / Gt)
-        width += f": {rounded(size / 2)} mm, in place of {rounded(edge)}" if B else ""
+        width += f": {rounded(size / 2)} mm instead of {rounded(edge)}" if B else ""
     return (
-        f"in {percent(share)} of {part.name or blank.name}, as at {of_sheet(centre)}, "
-        "the law allows bands: strains gather in rows of cells, and which rows depends on mesh and "
-        "steps; so do the largest strains and shear angles, unless bending within the sheet "
+        f"in {percent(share)} of {part.name or blank.name}, e.g. at {of_sheet(centre)}, "
+        "the law allows bands: strains concentrate in rows of cells that depend on mesh and steps, "
+        "and so do the largest strains and shear angles, unless in-plane bending "
         f"(`in_plane_stiffness`, B) gives bands a width{width}{apart}"
     )
 
@@ -91,21 +91,21 @@ def locking_warning(membrane: Membrane) -> str:
         # in space strains vary from cell to cell as the tools' curvature does
         aligned = 0.02 if off and plane else math.inf
         limit, excess = (2.5e-3 if off > MAX_OFF_YARNS else aligned), 12.0
-        cure = "P2, as by default, or finer cells"
+        cure = "P2 (the default) or finer cells"
         if measured:
-            cure = 'P2 with `integration="inner"`, P3 or cells along yarns, as of `pattern="yarns"`'
+            cure = 'P2 with `integration="inner"`, P3 or cells along yarns (`pattern="yarns"`)'
     if share <= limit or _is_at_rest(membrane):
         return ""
-    effect = "yarn strains of single cells mean little, and the error of forces is not quantified"
+    effect = "yarn strains of single cells are not reliable, and the force error is unknown"
     if measured:
-        off_by = f"force is about {percent(excess * share)} too high, mostly half to twice that"
-        effect = "forces say nothing" if share > 0.25 else f"a strip's {off_by}"
+        off_by = f"force is about {percent(excess * share)} too high, to within a factor of two"
+        effect = "forces are not reliable" if share > 0.25 else f"a strip's {off_by}"
     reason = "cells are coarse for yarns at these angles"
     if blank.degree == 1:
         reason = f"cells lock, of which {percent(off)} have no edges along both yarns"
     return (
         f"{percent(share)} of the strain energy stretches yarns in one cell and compresses them in "
-        f"the next, as {reason}: {effect}; take {cure}"
+        f"the next, because {reason}: {effect}; use {cure}"
     )
 
 

@@ -188,7 +188,7 @@ class _Sides:
                 fault = "sides in more than one plane" if marked else "no side of the sheet's edge"
                 raise InputError(
                     f"function {k + 1} in `{kind}` of the bending of {flat.blank.name} marks "
-                    f"{fault}; allowed is a function of points (3, n) that is true at both ends of "
+                    f"{fault}; expected a function of points (3, n) that is true at both ends of "
                     "some sides, one for each plane"
                 )
             self.image |= on
@@ -217,7 +217,7 @@ class _Sides:
         if alone != free * math.isqrt(flat.per_cell):
             raise InputError(
                 f"bending of {flat.blank.name} finds edges of more than two cells, or ranks that "
-                "don't know the cells beyond theirs; allowed is a manifold with ghosts at facets"
+                "don't know the cells beyond theirs; expected a manifold with ghosts at facets"
             )
 
     def reflected(self, flat, points, e):

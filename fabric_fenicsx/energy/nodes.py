@@ -122,12 +122,12 @@ class Nodes:
         mesh, part = blank.mesh, part or blank.whole
         cells = blank.degree == 1 or blank.triangulated
         refused = {
-            "in a plane; allowed is a blank made with `spatial=True`": mesh.geometry.dim != 3,
-            "along turned axes; allowed are x, y and z": (blank.frame != np.eye(3)).any(),
-            "on other cells; allowed are P1, Q1, and P2 with straight sides": not cells,
+            "in a plane; expected a blank made with `spatial=True`": mesh.geometry.dim != 3,
+            "along turned axes; expected x, y and z": (blank.frame != np.eye(3)).any(),
+            "on other cells; expected P1, Q1, and P2 with straight sides": not cells,
         }
         for words in (words for words, is_refused in refused.items() if is_refused):
-            raise InputError(f"contact of {blank.name} is asked for {words}")
+            raise InputError(f"contact of {blank.name} is requested {words}")
         self.blank, self.comm = blank, mesh.comm
         self.count = blank.V.dofmap.index_map.size_local
         self.places = blank.coordinates()[: self.count]
@@ -138,7 +138,7 @@ class Nodes:
             self.areas[~self.mask] = 0.0
             if not self.comm.allreduce(int(self.mask.sum())):
                 raise InputError(
-                    f"contact of {blank.name} is asked for where no node is; allowed are 1 or more"
+                    f"contact of {blank.name} is requested where no node is; expected 1 or more"
                 )
         each = np.arange(self.count)
         alone = CoupledNodes(blank.V.dofmap.index_map.local_range[0] + each, each[:, None])

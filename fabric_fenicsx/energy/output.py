@@ -49,7 +49,7 @@ class Fields(dict[str, np.ndarray]):
 
     def __missing__(self, name: str) -> NoReturn:
         raise InputError(
-            f"field {name} is asked for; allowed are {', '.join(self)}; fields at nodes are in "
+            f"field {name} is unknown; expected {', '.join(self)}; fields at nodes are in "
             "`result.grid.point_data`"
         )
 
@@ -140,10 +140,10 @@ def merged(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> d
             elif name in givers:
                 rule = ", or a rule that merges both, as `largest(value)`" if before else ""
                 raise InputError(
-                    f"`{method}` of term {term.name} gives the {noun} {name}, which "
-                    f"{givers[name]} already; allowed is another name{rule}"
+                    f"`{method}` of term {term.name} returns the {noun} {name}, which "
+                    f"{givers[name]} already; choose another name{rule}"
                 )
-            values[name], givers[name] = Value(value, unit, merge), f"term {term.name} gives"
+            values[name], givers[name] = Value(value, unit, merge), f"term {term.name} returns"
     known = {name: field.value for name, field in values.items()}
     return {
         name: field._replace(value=field.value(known)) if callable(field.value) else field
@@ -160,7 +160,7 @@ def arrays(term: Term, method: str, answer: Mapping[str, Content]) -> dict[str, 
         kind = f"shape {values.shape}" if values.dtype.kind in "biuf" else "no numbers"
         if not flaw and (values.shape[:1] != (size,) or kind == "no numbers"):
             flaw = (
-                f"`{method}` of term {term.name} gives {name} with {kind}; allowed is ({size},) "
+                f"`{method}` of term {term.name} returns {name} with {kind}; expected ({size},) "
                 f"or ({size}, k), of what the rank owns"
             )
     if flaw := term.blank.mesh.comm.allreduce(flaw, MPI.MAX):
@@ -178,7 +178,7 @@ def _same_on_ranks(term, method, answer):
     texts = dict.fromkeys(term.blank.mesh.comm.allgather(json.dumps(plain(answer))))
     if len(texts) > 1:
         raise InputError(
-            f"`{method}` of term {term.name} gives {' and '.join(texts)} on different ranks; "
-            "allowed is the same on all, as `self.blank.mesh.comm.allreduce(number)`, the sum"
+            f"`{method}` of term {term.name} returns {' and '.join(texts)} on different ranks; "
+            "expected the same on all, e.g. `self.blank.mesh.comm.allreduce(number)`, the sum"
         )
     return answer

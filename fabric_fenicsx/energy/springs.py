@@ -82,8 +82,8 @@ class Springs(Term):
         size = np.ptp(blank.extent(), axis=0).max()
         if blank.mesh.comm.allreduce(self._lengths.min(initial=np.inf), MPI.MIN) < 1e-6 * size:
             raise InputError(
-                f"{self.name} have an anchor at a node that they hold, so no direction; allowed is "
-                "one that is off all nodes"
+                f"{self.name} have an anchor at one of their nodes, so they have no direction; "
+                "expected an anchor away from all nodes"
             )
         self._dofs = gdim * nodes[:, None] + np.arange(gdim)
         first, each = blank.V.dofmap.index_map.local_range[0], np.arange(len(nodes))
@@ -101,8 +101,8 @@ class Springs(Term):
             shares = (self.part.nodes & where(blank.coordinates()[:owned].T)).astype(float)
         if not (whole := blank.mesh.comm.allreduce(float(shares.sum()))):
             raise InputError(
-                f"`where` of {self.name} marks no node of {self.part.name or blank.name}; allowed "
-                "are 1 or more"
+                f"`where` of {self.name} selects no node of {self.part.name or blank.name}; "
+                "expected 1 or more"
             )
         return shares / whole
 

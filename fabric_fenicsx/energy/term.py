@@ -267,7 +267,7 @@ def bind(term: Term, scene: SceneFacts) -> None:
     """
     if not isinstance(term, Term):
         raise InputError(
-            f"a term of the scene is {repr_short(term)}; allowed are objects of `Term`, as "
+            f"a term of the scene is {repr_short(term)}; expected objects of `Term`, as "
             "`Membrane(fabric)`"
         )
     elsewhere = term.bound_to is not None and term.bound_to() is not scene
@@ -284,13 +284,13 @@ def bind(term: Term, scene: SceneFacts) -> None:
     is_energy = isinstance(form, ufl.Form) and not form.arguments() and u in form.coefficients()
     of = f"energy of term {term.name}"
     if form is not None and not is_energy:
-        flaw = f"{of} is {repr_short(form)}; allowed is the energy itself in `blank.u`, from which "
+        flaw = f"{of} is {repr_short(form)}; expected the energy itself in `blank.u`, from which "
         flaw += "forces and stiffness follow, integrated: `W * self.part.dx(degree)`"
     elif form and term.part_name and "everywhere" in [i.subdomain_id() for i in form.integrals()]:
         flaw = f"{of}, which is on a part, is integrated over the whole sheet; it needs "
         flaw += "`self.part.dx(degree)` in place of `ufl.dx`"
     elif (has("memory") or has("cell_memory")) and not has("recall"):
-        flaw = f"term {term.name} has a memory and needs `recall`, which takes it"
+        flaw = f"term {term.name} has a memory and needs `recall` to restore it"
     elif term.energy_kind is None and not has("work"):
         if form is not None or (has("stored") and not has("energies")):
             flaw = f"term {term.name} stores an energy and needs an `energy_kind`, its column in "
@@ -305,7 +305,7 @@ def check_answers(term: Term) -> None:
     blank, comm = term.blank, term.blank.mesh.comm
     for kind in {term.energy_kind, *term.energies()} & {"viscous", "external_work"}:
         raise InputError(
-            f"term {term.name} has the kind of energy {kind}; allowed is another name, as every "
+            f"term {term.name} has the kind of energy {kind}; expected another name, as every "
             "run has this for something else"
         )
     alone = np.zeros_like(blank.u.x.array)
@@ -315,8 +315,8 @@ def check_answers(term: Term) -> None:
     lost = abs(after - alone - before).max(initial=0.0) > 1e-6 * before
     if comm.allreduce(bool(lost or returned is not None), MPI.LOR):
         raise InputError(
-            f"`add_forces` of term {term.name} returns something, or loses what other terms added; "
-            "allowed is to add to the array that it is given, as `f[dofs] += forces`"
+            f"`add_forces` of term {term.name} returns a value, or overwrites forces of other "
+            "terms; it must add to the given array, as `f[dofs] += forces`"
         )
     size = blank.V.dofmap.index_map.size_global * blank.mesh.geometry.dim
     rows, cols, values = map(np.asarray, term.tangent())
@@ -324,6 +324,6 @@ def check_answers(term: Term) -> None:
     is_right = rows.shape == cols.shape == values.shape and inside
     if comm.allreduce(not is_right, MPI.LOR):  # PETSc would write past its arrays
         raise InputError(
-            f"`tangent` of term {term.name} gives other places than rows and columns of the matrix;"
-            f" allowed are three arrays (k,): rows and columns from 0 to {size - 1}, and values"
+            f"`tangent` of term {term.name} returns entries outside the matrix;"
+            f" expected three arrays (k,): rows and columns from 0 to {size - 1}, and values"
         )

@@ -62,7 +62,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         *_fit_warnings(problem, dof, variance, softest, convex, determined, assumed),
         *curve_warnings(curves),
         *(compaction.warnings if compaction else ()),
-        *(["the loops do not tell friction between yarns; it is left out"] if lost else ()),
+        *(["the loops do not determine friction between yarns; it is left out"] if lost else ()),
         *fabric.plausibility_warnings(),
     ]
     quality = correlation, fits, dof, variance, estimated, softest, convex, warnings
@@ -89,20 +89,20 @@ def _assumptions(problem, sheet):
         if not math.isfinite(problem.natural[k]):
             reason[k] = "no test depends on it"
         elif not contraction:
-            reason[k] = "no test shows tension with a negative strain across; "
+            reason[k] = "no test has tension with a negative transverse strain; "
             reason[k] += "c is fitted for this value"
         elif contraction == "form":
             # of all that follow free strips the value with which held ones are softest: k_TC <= 1
-            reason[k] = "tests of free strips without the strain across do not tell it"
+            reason[k] = "tests of free strips without transverse strain do not determine it"
             if source[name] != "sheet.toml":
                 values[name], source[name] = 1.0, UNCOUPLED
     told = {n for k, n in enumerate(names) if k not in reason or source[n] == "sheet.toml"}
     for yarn, other, i in (("warp", "weft", "a"), ("weft", "warp", "b")):
         missing = [n for n in "ab" if f"{yarn}.{n}" not in told]
         if not sheet.balanced and missing and f"{other}.b" in told:
-            flaw = f"balanced is false, but no test tells the {yarn}'s {' and '.join(missing)}"
+            flaw = f"balanced is false, but no test determines the {yarn}'s {' and '.join(missing)}"
             raise InputError(
-                f"sheet.toml: {flaw}; allowed is a test uniaxial_{i} or biaxial, values in "
+                f"sheet.toml: {flaw}; expected a test uniaxial_{i} or biaxial, values in "
                 f"[assumed.{yarn}], or balanced = true, which gives the {yarn} those of the {other}"
             )
     return np.array([values[n] for n in names]), source, reason
@@ -171,8 +171,8 @@ def _fit_warnings(problem, dof, variance, softest, convex, determined, assumed):
     limit = stats.chi2.ppf(0.999, dof) / dof
     if all(c.noise for c in problem.curves) and variance > limit:
         times = rounded(math.sqrt(variance), 2)
-        text = f"the curves lie {times} times their stated noise from the law"
-        yield f"{text}, and the intervals are widened by that"
+        text = f"the curves deviate from the law by {times} times their stated noise"
+        yield f"{text}, and the intervals are widened accordingly"
     if softest is not None and softest <= 0:
         yield f"the shear stiffness falls to {rounded(softest)} MPa over the measured angles"
     if convex is False:
@@ -180,13 +180,13 @@ def _fit_warnings(problem, dof, variance, softest, convex, determined, assumed):
     for name, value in assumed.items():
         if value.source == UNCOUPLED:
             yield (
-                f"{name} is set to 1, as strips were pulled with free sides and without the strain "
-                "across: held strips may come out too soft, and strips do not neck; measure the "
-                "strain across (eps_a or eps_b), or hold the sides"
+                f"{name} is set to 1, because strips were pulled with free sides and without the "
+                "transverse strain: held strips may be too soft, and strips do not neck; measure "
+                "the transverse strain (eps_a or eps_b), or hold the sides"
             )
     if held := [name for name, p in determined.items() if p.at_bound]:
-        are = f"{'is' if len(held) == 1 else 'are'} at a limit of what a fabric can have"
-        yield f"{', '.join(held)} {are}, as a stiffness of 0, so their intervals are a rough guide"
+        are = f"{'is' if len(held) == 1 else 'are'} at a physical bound"
+        yield f"{', '.join(held)} {are}, e.g. a stiffness of 0, so their intervals are approximate"
 
 
 def _regression(problem, default, reason, source):
@@ -203,10 +203,10 @@ def _regression(problem, default, reason, source):
         if not free:
             tests = ", ".join(sorted({c.test for c in problem.curves}))
             flaw = f"the curves, of the tests {tests}, determine no parameter"
-            raise InputError(f"{flaw}; allowed are more tests")
+            raise InputError(f"{flaw}; expected more tests")
         if (count := len(problem.points.measured)) <= len(free):
             flaw = f"there are {count} measured values for {len(free)} parameters"
-            raise InputError(f"{flaw}; allowed are more values")
+            raise InputError(f"{flaw}; expected more values")
         theta = _start(problem, default, reason, source, free)
         sd = problem.deviation(problem.points.measured)
         seen = np.any(problem.effect[uncoupled] > 0, axis=0)
@@ -267,14 +267,14 @@ def _given_up(names, bad, free, lone, size):
     tied = k in lone or (base(names[k]) == "c" and any(names[f] == f"{yarn}a" for f in lone))
     if tied and rival in (names[f] for f in free):
         # where all tension is coupled, little but the products p_min a and p_min b is seen
-        k, why = names.index(rival), f"the data cannot tell it from {names[k]}"
+        k, why = names.index(rival), f"the data cannot distinguish it from {names[k]}"
     elif half > (1 if base(names[k]) == "p_min" else 1e2 * size[k]):
-        why = "the data cannot tell it from others"
+        why = "the data cannot distinguish it from others"
     else:
-        why = f"the data leave it at +-{rounded(half, 2)}"
+        why = f"the data determine it only to +-{rounded(half, 2)}"
     if lone and base(names[k]) == "p_min":
         why += "; a and b are fitted for this value, "
-        why += "a test with held sides or a biaxial one would tell"
+        why += "a biaxial test, or one with held sides, would determine it"
     return k, why
 
 
@@ -308,7 +308,7 @@ def identify_simulated(sheet: Sheet, curves: Sequence[Curve], simulate: Simulate
                 return dataclasses.replace(fit, simulated=told)
             first = first or off
             fit = identify(sheet, [_linear(curve, fit.fabric, forces) for curve in curves])
-        failure = "its force did not settle in 8 fits"
+        failure = "its force did not converge in 8 fits"
     except SolverFailure as error:
         failure = str(error)
     words = f"a bias test could not be simulated: {failure}; the fit is of homogeneous shear"

@@ -86,7 +86,7 @@ class Assumed:
 
     def __str__(self) -> str:
         moves = [f"{n} by {v:+.3g} {unit_of(n)}".removesuffix(" -") for n, v in self.moves.items()]
-        more = f"; 10 % more of it moves {', '.join(moves)}" if moves else ""
+        more = f"; 10 % more of it changes {', '.join(moves)}" if moves else ""
         return f"assumed ({self.source}): {self.reason}{more}"
 
 
@@ -167,7 +167,7 @@ class Problem:
     ) -> None:
         self.names, self.thickness, self.curves = names_of(sheet.balanced), sheet.thickness, curves
         if not curves:
-            raise InputError("there is no curve; allowed is one or more")
+            raise InputError("there is no curve; expected one or more")
         parts = [(curve, response) for curve in curves for response in curve.responses]
         ends = np.cumsum([len(response.values) for _, response in parts])
         self.parts = [(p, slice(end - len(p[1].values), end)) for p, end in zip(parts, ends)]

@@ -49,7 +49,7 @@ class Identification:
             value = f"{rounded(assumed.value, 6)} {assumed.unit}".removesuffix(" -")
             lines.append(f"{name} = {value} is {assumed}")
         if self.compaction is None:
-            lines.append("compaction is assumed (default): there is no test of it")
+            lines.append("compaction is assumed (default): no test measures it")
         return lines
 
     @property

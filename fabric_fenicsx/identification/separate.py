@@ -73,7 +73,7 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
     if onset.value < 1.01 * MIN_PRESSURE * lowest or _factor(onset) > 10.0:
         value = min(Compaction.onset, lowest)
         source = "default" if value == Compaction.onset else "lowest measured pressure"
-        why = "the data do not tell it: they begin too far above it or scatter too much"
+        why = "the data do not determine it: they begin too far above it or scatter too much"
         assumed["onset"] = Assumed(value, UNITS["onset"], source, why, {})
         all_three, (found, scatter) = found, _fitted_compaction(p, h, sd, value)
         for name, each in found.items():
@@ -83,8 +83,8 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
     for name, each in found.items():
         if _factor(each) > (3.0 if name == "exponent" else 10.0):
             low, high = (rounded(end, 2) for end in each.interval)
-            flaw = f"the compaction tests leave the {name} at {low} to {high} {UNITS[name]}"
-            allowed = "allowed are tests of more points, a wider range of pressure or less scatter"
+            flaw = f"compaction tests determine the {name} only to {low} to {high} {UNITS[name]}"
+            allowed = "expected tests of more points, a wider range of pressure or less scatter"
             raise InputError(f"{flaw.removesuffix(' -')}; {allowed}")
     compaction = Compaction(**{n: x.value for n, x in (found | assumed).items()})
     tests = [
@@ -113,7 +113,7 @@ def _compression(sheet):
     if not h.min() / MARGIN <= sheet.thickness <= h.max() * MARGIN:
         raise InputError(
             f"sheet.toml: thickness is {rounded(sheet.thickness, 4)} mm, and plies of the "
-            f"compaction tests have {rounded(h.max(), 4)} to {rounded(h.min(), 4)} mm; allowed is "
+            f"compaction tests have {rounded(h.max(), 4)} to {rounded(h.min(), 4)} mm; expected "
             "that of one ply under a measured pressure (divide that of a stack by its plies)"
         )
     sd = np.ones(len(p))

@@ -79,7 +79,7 @@ class Field:
         new.label, new.rule, new.axes = label, rule, axes
         if len(self._values):
             if self._places.shape[1] > len(axes):
-                flaw = "whose points have different z; allowed are x and y of the flat sheet"
+                flaw = "whose points have different z; expected x and y of the flat sheet"
                 raise InputError(f"{label} is {self.source}, {flaw}")
             new._check(self._values, self._places)
         return new
@@ -94,7 +94,7 @@ class Field:
             except Exception as error:  # a user's function raises whatever it does
                 raise InputError(
                     f"{self.label} as a function of {axes} fails ({type(error).__name__}: {error});"
-                    f" allowed is one of arrays, as lambda {axes}: np.where(x > 0, 1.0, 2.0)"
+                    f" expected one of arrays, as lambda {axes}: np.where(x > 0, 1.0, 2.0)"
                 ) from None
             self._check(values, x)
             return values
@@ -106,7 +106,7 @@ class Field:
             k = distance.argmax()
             raise InputError(
                 f"{self.label}: {self.source} has no point within {rounded(distance[k])} mm of "
-                f"{coordinates(places[out][k])} mm; allowed are points where the sheet lies"
+                f"{coordinates(places[out][k])} mm; expected points where the sheet lies"
             )
         values[out] = self._values[nearest]
         return values
@@ -186,13 +186,13 @@ def _read(path, name):
         try:
             mesh, kind = meshio.read(path), "fields at points"
         except (Exception, SystemExit) as error:  # meshio raises whatever its parsing stumbles on
-            raise ValueError(f"can't be read ({error}); allowed is {ALLOWED}") from None
+            raise ValueError(f"can't be read ({error}); expected {ALLOWED}") from None
         fields = {k: np.asarray(v, float) for k, v in mesh.point_data.items() if np.ndim(v) == 1}
         names = list(fields)
     one = name or (names[0] if len(names) == 1 else "")
     if one not in names:
         found = f"has the {kind} {', '.join(names) or 'x, y alone'}{name and f', not {name!r}'}"
-        raise ValueError(f"{found}; allowed is one, or one of them that `field` names")
+        raise ValueError(f"{found}; expected one, or one of them that `field` names")
     if is_table:
         units = dict.fromkeys(("x", "y", "z"), {None: 1.0, "mm": 1.0})
         units[one] = dict.fromkeys((None, "deg", "mm", "deg C", "C", "-"), 1.0)

@@ -47,7 +47,7 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
     size = np.ptp(np.concatenate(lines), axis=0)
     if size[2] > PLANE_TOLERANCE * size.max():
         raise InputError(
-            f"{source} reaches over {rounded(size[2])} mm in z; allowed is a plane z = const"
+            f"{source} reaches over {rounded(size[2])} mm in z; expected a plane z = const"
         )
     try:
         sheet = sheet_of(joined([line[:, :2] for line in lines], source), source)
@@ -60,7 +60,7 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
         inside = sorted({name for name in names if not re.search("hole", name, re.I)} - rim)
         if inside:
             flaw = f"has lines of {', '.join(inside)} inside those of {', '.join(rim)}: holes, or a"
-            flaw += " part in its drawing frame; allowed is `layer` with the layers that count"
+            flaw += " part in its drawing frame; expected `layer` with the layers that count"
             raise InputError(f"{source} {flaw}")
     return sheet, notes
 
@@ -80,7 +80,7 @@ def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
         if size[2] <= PLANE_TOLERANCE * size.max():
             lines = [line[:, :2] for line in lines]
     else:
-        raise InputError(f"{source} is of another format; allowed is {allowed}")
+        raise InputError(f"{source} is of another format; expected {allowed}")
     if lines[0].shape[1] == 2:
         notes.append(f"{source} has no z and is projected along z")
     return lines, notes
@@ -119,7 +119,7 @@ def _drawing(path, source, layer):
         else:
             drawing, auditor = recover.readfile(path)
     except (DXFError, OSError, ValueError) as error:
-        raise InputError(f"{source} cannot be read ({error!r}); allowed is {ALLOWED}") from None
+        raise InputError(f"{source} cannot be read ({error!r}); expected {ALLOWED}") from None
     states = {each.dxf.name.lower(): each for each in drawing.layers}
     drawn = [*_drawn(drawing.modelspace(), states, "0", Matrix44())]
     layers = sorted({layer for entity, layer, _ in drawn if _is_curve(entity)})
@@ -127,7 +127,7 @@ def _drawing(path, source, layer):
         asked = [name.strip().lower() for name in layer.split(",")]
         if missing := [name for name in asked if name not in map(str.lower, layers)]:
             raise InputError(
-                f"`layer` {', '.join(missing)} of {source} has no lines; allowed are {layers}"
+                f"`layer` {', '.join(missing)} of {source} has no lines; expected {layers}"
             )
         drawn = [each for each in drawn if each[1].lower() in asked]
     beside = "TEXT MTEXT DIMENSION ARC_DIMENSION LEADER MULTILEADER POINT ATTDEF".split()
@@ -142,16 +142,16 @@ def _drawing(path, source, layer):
             names.append(name)
     if not lines:
         raise InputError(
-            f"{source} has no lines, but {unread or 'nothing'}; allowed are {', '.join(CURVES)}"
+            f"{source} has no lines, but {unread or 'nothing'}; expected {', '.join(CURVES)}"
         )
     sides = " x ".join(rounded(each, 4) for each in np.ptp(np.concatenate(lines), axis=0)[:2])
-    notes = [f"{source} has {unread}, not read; allowed are {', '.join(CURVES)}"] if unread else []
+    notes = [f"{source} has {unread}, not read; expected {', '.join(CURVES)}"] if unread else []
     fixes = [each.message for each in auditor.fixes]
     notes += [f"{source} is damaged: {each}" for each in fixes if each.startswith("Removed")]
     notes += [f"{source} {unit}, so it is {sides} mm"] if unit else []
     hint = f"; it has {unread}, not read" if unread else ""
     if layer is None and len(layers) > 1:
-        hint += f"; of its layers {', '.join(layers)} some may be left out by `layer`"
+        hint += f"; of its layers {', '.join(layers)} use `layer` to select some"
     return lines, names, notes, hint
 
 
@@ -212,7 +212,7 @@ def _unit(drawing):
     missing |= {24: 6.336e9 / 3937}
     unit, mm = drawing.header.get("$INSUNITS", 0), units.InsertUnits.Millimeters
     if unit not in range(1, 25):
-        return 1.0, f"names no unit ($INSUNITS {unit}) and is taken in mm"
+        return 1.0, f"has no unit ($INSUNITS {unit}) and is read in mm"
     factor = missing.get(unit) or units.conversion_factor(units.InsertUnits(unit), mm)
     words = f"is in {units.unit_name(unit).lower()} ($INSUNITS {unit})"
     return float(f"{factor:.9g}"), "" if unit == mm else words
@@ -250,7 +250,7 @@ def joined(lines: Sequence[np.ndarray], source: str) -> list[np.ndarray]:
         k = off.argmin()  # at 0 mm where more than two lines meet
         raise InputError(
             f"{source} is open at {coordinates(place)} mm: the nearest other end is "
-            f"{rounded(off[k])} mm away, at {coordinates(others[k])}; allowed are closed rings, of "
+            f"{rounded(off[k])} mm away, at {coordinates(others[k])}; expected closed rings, of "
             f"two lines at each place, whose ends are up to {rounded(gap, 1)} mm apart"
         )
     return rings
@@ -268,7 +268,7 @@ def sheet_of(rings: Sequence[np.ndarray], source: str) -> shapely.Polygon:
     if place:  # as of Self-intersection[5 10]
         where = coordinates(map(float, place.rstrip("]").split()))
         raise InputError(
-            f"{source} bounds no sheet: {fault.lower()} at {where} mm; allowed is one outline, and "
+            f"{source} bounds no sheet: {fault.lower()} at {where} mm; expected one outline, and "
             "holes inside it that are apart from each other"
         )
     return sheet
@@ -290,7 +290,7 @@ def mirrored_half(
         place = coordinates(far.representative_point().coords[0])
         raise InputError(
             f"{source} is not its own mirror image in {name} = {at:g}: {rounded(far.area, 3)} mm2 "
-            f"differ, as at {place} mm; allowed is a symmetric outline, or its half"
+            f"differ, as at {place} mm; expected a symmetric outline, or its half"
         )
     reach = 2 * np.abs(sheet.bounds).max()
     start = [at if k == axis else -reach for k in (0, 1)]
@@ -298,6 +298,6 @@ def mirrored_half(
     if half.geom_type != "Polygon":
         raise InputError(
             f"{source} is cut into {shapely.get_num_geometries(half)} parts by the plane of "
-            f"symmetry {name} = {at:g}; allowed is an outline that stays in one piece"
+            f"symmetry {name} = {at:g}; expected an outline that stays in one piece"
         )
     return half

@@ -52,7 +52,7 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
         points, blocks, others = own(path) if own else in_child(library, path.absolute())
     except (RuntimeError, ValueError, OSError) as error:
         raise InputError(
-            f"{what} {path} cannot be read as {kind or 'a mesh'} ({error}); allowed is {allowed}"
+            f"{what} {path} cannot be read as {kind or 'a mesh'} ({error}); expected {allowed}"
         ) from None
     parts: dict[str, list[np.ndarray]] = {}
     for corners, nodes in (block for block in blocks if len(block[1])):
@@ -63,9 +63,9 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
         nodes = np.concatenate(each).astype(np.int64)
         cells[name] = nodes[np.sort(np.unique(nodes, axis=0, return_index=True)[1])]
         if nodes.min() < 0 or nodes.max() >= len(x):
-            flaw = "lacks nodes of its cells; allowed is a whole file"
+            flaw = "lacks nodes of its cells; expected a whole file"
     if not cells:
-        flaw = f"holds no surface cells, but {sorted(others) or 'nodes alone'}; allowed is "
+        flaw = f"holds no surface cells, but {sorted(others) or 'nodes alone'}; expected "
         flaw += f"{allowed}, with triangles or quadrilaterals"
     if flaw:
         raise InputError(f"{what} {path} {flaw}")
@@ -77,7 +77,7 @@ def check_end(path: Path, what: str) -> None:
     end = next((end for endings, end in ENDS.items() if ending(path) in endings), b"")
     if not re.search(end, path.read_bytes()[-1000:], re.IGNORECASE):
         flaw = f"does not end as {path.suffix} files do: it is cut off, or of another format"
-        raise InputError(f"{what} {path} {flaw}; allowed is a whole file")
+        raise InputError(f"{what} {path} {flaw}; expected a whole file")
 
 
 # Readers give points (n, 2 or 3), numbers of corners and nodes (m, k) of surface cells in blocks,
@@ -95,14 +95,14 @@ def _stl(path):
     if count and len(data) >= header + facet * count:
         more, rest = (len(data) - header) // facet - count, data[header + facet * count :]
         if more and any(rest):
-            raise ValueError(f"it counts {count} triangles in its header and holds {count + more}")
+            raise ValueError(f"its header declares {count} triangles, but it has {count + more}")
         rows = np.frombuffer(data, np.dtype([("x", "<f4", (4, 3)), ("-", "<u2")]), count, header)
         corners = rows["x"][:, 1:].reshape(-1, 3).astype(float)
     else:
         facets = len(re.findall(rb"(?<!\S)facet\s+normal(?!\S)", data, re.IGNORECASE))
         if b"\0" in data and not facets:
             held = f"holds {len(data) - header} bytes of them: cut off"
-            raise ValueError(f"it tells of {count} triangles and {held}")
+            raise ValueError(f"it declares {count} triangles and {held}")
         vertices = re.findall(rb"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)", data, re.IGNORECASE)
         # letters in which a text ends
         if not facets or len(vertices) != 3 * facets or b"endsolid" not in data[-1000:].lower():

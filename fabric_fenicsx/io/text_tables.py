@@ -48,11 +48,11 @@ def read_lines(path: str | os.PathLike[str], encoding: str | None = None) -> lis
                 raise
             text = data.decode("cp1252", errors="replace")
         if "\0" in text or not text.strip():
-            raise ValueError("it has bytes that are no text in UTF-8" if text else "it is empty")
+            raise ValueError("it is not text in UTF-8" if text else "it is empty")
     except (OSError, ValueError, LookupError) as error:
         reason = getattr(error, "strerror", None) or error
         allowed = "CSV in UTF-8, or in UTF-16 with its byte order mark"
-        raise InputError(f"cannot be read as text ({reason}); allowed is {allowed}") from None
+        raise InputError(f"cannot be read as text ({reason}); expected {allowed}") from None
     return text.splitlines()
 
 
@@ -77,7 +77,7 @@ def table_of(
     top = next(known, 0 if usual else above[-1])
     if not top and not (usual and split):
         allowed = "a line such as eps_a [%], sigma_a [MPa]"
-        raise InputError(f"there is no header; allowed is {allowed}")
+        raise InputError(f"there is no header; expected {allowed}")
     header = split[top] if top else [*usual[: len(split[min(split)])]]
     while len(header) > 1 and not header[-1].strip():
         header.pop()
@@ -90,7 +90,7 @@ def table_of(
             unit = _unit(cell.strip(" []()"))
             if unit and unit != (units[k] or unit):
                 two = f"{unit}, and {units[k]} in the header"
-                raise InputError(f"row {below}: the unit of {names[k]} is {two}; allowed is one")
+                raise InputError(f"row {below}: the unit of {names[k]} is {two}; expected one")
             units[k] = units[k] or unit
     for cells in body.values():
         while len(cells) > len(header) and not cells[-1].strip():
@@ -98,7 +98,7 @@ def table_of(
     odd = [f"row {row}: {len(c)} cells" for row, c in body.items() if len(c) != len(header)]
     if odd:
         raise InputError(
-            f"{some(odd)} under {len(header)} columns; allowed is one number a column (a decimal "
+            f"{some(odd)} under {len(header)} columns; expected one number a column (a decimal "
             "comma needs semicolons or tabs between them)"
         )
     return TextTable(top, names, units, [*body], [*body.values()])
@@ -142,16 +142,16 @@ def values_of(
     if not decimal and is_unclear and (sign == "," or any(map(_has_jump, columns))):
         words, cell = signed[0]
         meant = f"{cell.replace(',', '.')} or {cell.replace(sign, '')}"
-        allowed = "a point before decimals in every row, and no sign between thousands"
-        raise InputError(f"{words}, which may mean {meant}; allowed is {allowed}")
+        allowed = "decimal points in all rows, and no thousands separators"
+        raise InputError(f"{words}, which may mean {meant}; expected {allowed}")
     decimal = decimal or sign
     # Python would take underscores between thousands
     signs = str.maketrans({"\u2212": "-", "_": "?", ".": "?"} | {decimal: "."})
     numbers = [number_of(cell.translate(signs)) for _, cell in found]
     if wrong := [words for (words, _), number in zip(found, numbers) if not math.isfinite(number)]:
         raise InputError(
-            f"{some(wrong)}; allowed is a finite number, as 1058{decimal}5, with the same sign "
-            "before all decimals and none between thousands"
+            f"{some(wrong)}; expected a finite number, as 1058{decimal}5, with the same sign "
+            "before all decimals and no thousands separators"
         )
     values = np.reshape(numbers, (len(factors), len(table.rows)))
     return {name: factor * column for (name, factor), column in zip(factors.values(), values)}
@@ -188,7 +188,7 @@ def columns_of(
         elif k >= 0 or name not in optional:
             flaw = f"the unit of {name} is {table.units[k]}" if k >= 0 else f"no column {name}"
             words = ", ".join(unit for unit in known if unit)
-            raise InputError(f"row {table.top}: {flaw}; allowed is one in {words}")
+            raise InputError(f"row {table.top}: {flaw}; expected one in {words}")
     return values_of(table, factors)
 
 

@@ -43,13 +43,13 @@ def checked(job: Job, output: Output, part: str, pictures: bool) -> list[str]:
     lines = [
         f"{size['cells']} cells ({size['element']}), {size['dofs']} degrees of freedom; "
         f"{', '.join(scene_output.summary(scene)['terms'])}",
-        f"the run takes {cost()}, and several times as long in few steps or where plies crumple: "
+        f"the run takes {cost()}, or several times this with few steps or where plies crumple: "
         f"{iterations} iterations at the first of {job.steps:g} steps took "
         f"{rounded(seconds, 2)} s, setup took {rounded(setup, 2)} s",
     ]
     if job.error:
         fewer = cost(1 / 4, job.coarser_settings(job.setup.fewer_steps).steps, setup=0)
-        lines.append(f"the run on coarser cells, for errors, takes {fewer} more")
+        lines.append(f"the error estimate on coarser cells takes {fewer} more")
     memory = rounded(comm.allreduce(peak, MPI.SUM), 2)
     return [*lines, f"memory without pictures about {memory} MiB"]
 

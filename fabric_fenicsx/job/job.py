@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from ..core.collective_errors import all_or_none
-from ..core.errors import NOT_BELIEVED, InputError, Interrupted, SolverFailure
+from ..core.errors import NOT_VALID, InputError, Interrupted, SolverFailure
 from ..core.fields import declared
 from ..core.files import read_json
 from ..core.formatting import rounded
@@ -153,7 +153,7 @@ class Job(Settings):
         scene = self.scene
         if self.error and not (self.coarser or self.setup.coarser()):
             raise InputError(
-                "`error=True` needs a mesh twice as coarse, and none is known; allowed is a "
+                "`error=True` needs a coarser mesh, and none is available; expected a "
                 "rectangle of 2 x 2 or more that the program meshes, an outline with 4 cells "
                 "across, or `coarser` of a `Job`"
             )
@@ -161,7 +161,7 @@ class Job(Settings):
             return
         if scene.was_loaded:
             raise InputError(
-                f"the scene of {scene.blank.name} was run before and is not at rest; allowed is a "
+                f"the scene of {scene.blank.name} was run before and is not at rest; use a "
                 "new scene, with new terms"
             )
         with all_or_none(scene.comm), task("checking the scene"):  # own terms are asked, too
@@ -175,7 +175,7 @@ class Job(Settings):
         newton = Newton(scene, self.tolerance, linear_solver=self.linear_solver)
         for each in materials_of(scene, scene.blank.whole):
             if values := ", ".join(map(" = ".join, each.assumed_values().items())):
-                output.remark(f"no test has determined these numbers of {each.label}: {values}")
+                output.remark(f"no test has determined these parameters of {each.label}: {values}")
         for words in waves_that_do_not_form(scene):
             output.remark(words)
         start, notes = None, Numbers()
@@ -205,7 +205,7 @@ class Job(Settings):
         result, wrong = self._result(output, outcome, stopped, states, watch.wrong)
         reached = rounded(result.summary["stroke_reached"], 6)
         if stopped:
-            hint = "`resume=True` goes on from there"
+            hint = "`resume=True` continues from there"
             raise Interrupted(f"{stopped} at load factor {reached}; {hint}")
         if self.error and not wrong:
             self._estimate(output, result, problem, states.series)
@@ -251,8 +251,8 @@ class Job(Settings):
         quantities = self.setup.quantities(result)
         wrong = [*dict.fromkeys([*validity.not_formed(result, self.limits), *wrong_now])]
         wrong += validity.beyond_limits_at_end(scene, self.limits, rows, energy)
-        reason = outcome.reason or validity.not_believed(wrong)
-        if outcome.reason and not outcome.reason.startswith(NOT_BELIEVED):
+        reason = outcome.reason or validity.not_valid(wrong)
+        if outcome.reason and not outcome.reason.startswith(NOT_VALID):
             wrong.append(outcome.reason)
             reason = outcome.reason if stopped else "; ".join(wrong[::-1])
         invalid = [Reason(each, verdict=INVALID) for each in wrong]
@@ -281,7 +281,7 @@ class Job(Settings):
         """The `Result` of a run whose checkpoint is at full load."""
         scene, folder = self.scene, result.folder
         if scene.comm.rank == 0:
-            log.warning("%s: full load was reached before, nothing is left to do", folder)
+            log.warning("%s: full load was already reached, nothing to do", folder)
         scene.set(start.x)
         scene.set_load(1.0)
         scene.recall(start.memory)
@@ -306,12 +306,12 @@ class Job(Settings):
         except (InputError, SolverFailure) as failure:
             other = getattr(failure, "result", None)  # coarse plies may pass through themselves
             if not other or other.number("stroke_reached") < 1:
-                words = f"no error is known, as the run on the coarser mesh failed: {failure}"
+                words = f"errors are unknown, because the run on the coarser mesh failed: {failure}"
                 output.doubt(Reason(words))
                 result.summary = output.amend(folder, result.summary)
                 return
         if reason := error.mesh_decides(result):
-            output.warn(f"no error of strains is known but that of 99 % of the area, as {reason}")
+            output.warn(f"strains have no error estimate, because {reason}")
         how = {"of_other_kind": not self.coarser and self.setup.coarser_is_other_kind}
         how["forces_only"] = bool(reason)
         errors = error.estimate(result, other, self.setup.headlines, **how)

@@ -50,7 +50,7 @@ class LimitWatch(Observer):
         ""."""
         if self.rejected == self.MAX_REJECTED and not self.wrong:
             self.wrong = self._not_formed()
-        return validity.not_believed(self.wrong)
+        return validity.not_valid(self.wrong)
 
     def _not_formed(self):
         now = Result({}, [], scene_output.cell_fields(self.scene), None, self.scene)
@@ -73,7 +73,7 @@ class StateWriter(Observer):
         if not accepted.load and any(term.prestressed for term in scene.terms):
             moved = scene.u.norm(PETSc.NormType.NORM_INFINITY)
             self.output.say(
-                f"at rest in its supports, before load, the sheet has moved by up to {moved:.3g} mm"
+                f"before loading, the sheet moved to its equilibrium by up to {moved:.3g} mm"
             )
         displacement, force, *further = self.setup.measure(scene, accepted.load)
         with phase("output"):

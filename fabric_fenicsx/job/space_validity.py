@@ -17,25 +17,25 @@ def passed_through(scene: Scene) -> list[str]:
     blank = scene.blank
     crossings = {part: self_crossings(part) for part in blank.parts.values() or [blank.whole]}
     wrong = [
-        f"sheet {part.name or blank.name} passes through itself at {len(places)} places, as at "
-        f"{coordinates(places[0])} mm; allowed is none: smaller cells or steps, or `SelfContact` "
-        "(a press's `self = true`), may help"
+        f"sheet {part.name or blank.name} passes through itself at {len(places)} places, e.g. at "
+        f"{coordinates(places[0])} mm; smaller cells or steps, or `SelfContact` (a press's "
+        "`self = true`), may help"
         for part, places in crossings.items()
         if len(places)
     ]
     contacts = [term for term in scene.terms if isinstance(term, Contact)]
     behind = [(term.tool.name, *term.behind_walls()) for term in contacts]
     wrong += [
-        f"{count} nodes of {blank.name} went through a wall of {tool} and are up to "
-        f"{rounded(depth)} mm behind the face where they did; allowed is none: smaller steps "
+        f"{count} nodes of {blank.name} passed through a wall of {tool} and are up to "
+        f"{rounded(depth)} mm behind the face where they entered; smaller steps "
         "(`max_step`) or cells may help"
         for tool, count, depth in behind
         if count
     ]
     return wrong + [
         f"{blank.name} passes through its image: {count} nodes lie up to {rounded(depth)} mm "
-        f"beyond the plane that support {name!r} holds; allowed is none: smaller cells or steps, "
-        "or `SelfContact(symmetric=...)` (a press's `self = true`), may help"
+        f"beyond the plane of support {name!r}; smaller cells or steps, or "
+        "`SelfContact(symmetric=...)` (a press's `self = true`), may help"
         for name, (count, depth) in beyond_planes(blank, scene.supports).items()
     ]
 

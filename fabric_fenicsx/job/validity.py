@@ -3,10 +3,11 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from ..core.errors import NOT_BELIEVED
+from ..core.errors import NOT_VALID
 from ..core.formatting import of_sheet, percent, rounded, share
 from ..energy.materials import materials_of
 from ..energy.membrane import Membrane
+from ..results.error import ANGLE
 from ..results.history import energy_balance, stretching
 from ..results.quantities import fabric_doubts, limited
 from ..results.result import Result
@@ -20,15 +21,15 @@ from ..solve.step_criteria import UNBALANCED
 MIN_CELLS = 7.0  # cells of a wave, from which on its height is within some per cent
 AIM = 7.5  # cells to be taken, as waves on finer ones may be shorter
 STILL = (
-    "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support that moves "
-    "would, as `clamped_ends(stroke)`"
+    "nothing moves or loads the sheet, so it does not deform; add a tool, a load or a moving "
+    "support, such as `clamped_ends(stroke)`"
 )
 NO_ESTIMATE = Reason("the error of the mesh was not estimated", verdict=OK)
 
 
-def not_believed(wrong: Sequence[str]) -> str:
+def not_valid(wrong: Sequence[str]) -> str:
     """One sentence of all that is wrong with a result, "" if nothing is."""
-    return NOT_BELIEVED + "; ".join(wrong) if wrong else ""
+    return NOT_VALID + "; ".join(wrong) if wrong else ""
 
 
 def _in_space(scene):
@@ -43,12 +44,12 @@ def _in_space(scene):
 def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:
     """Sentences on what no later state mends: penetration of tools, and stretched yarns."""
     depth, where = scene_output.deepest(scene)
-    wrong = [f"{each}; deepest is {where}" for each in limits.exceeded({"penetration": depth})]
+    wrong = [f"{each}, deepest at {where}" for each in limits.exceeded({"penetration": depth})]
     over = scene_output.overstretched(scene, limits.strain)
     if over > EDGES:
         wrong.append(
             f"yarns are stretched by more than {percent(limits.strain, 3)} in {percent(over, 3)} "
-            f"of the sheet; allowed is {percent(EDGES, 3)} of it (`Limits.strain`)"
+            f"of the sheet; the limit is {percent(EDGES, 3)} (`Limits.strain`)"
         )
     return wrong
 
@@ -56,7 +57,7 @@ def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:
 def not_formed(result: Result, limits: Limits) -> list[str]:
     """Sentences on fabric that can't lie as it does: sheared, filled or shortened too far."""
     return [
-        f"{f'sheet {name}: ' if name else ''}{words}; most is at {of_sheet(place)}; "
+        f"{f'sheet {name}: ' if name else ''}{words}, at most at {of_sheet(place)}; "
         f"{_cure(result.scene, limit)}"
         for name, values in limited(result)
         for limit, (value, place) in values.items()
@@ -68,15 +69,15 @@ def _cure(scene, limit):
     """Advice where a limit of what can be formed is exceeded."""
     if limit == "fibre_share":
         may_be = "`density`, `fibre_density` or `compaction` is wrong"
-        return f"there is too much pressure or shear, or the fabric's thickness, {may_be}"
+        return f"pressure or shear is too large, or the thickness, {may_be}"
     if limit != "shortening":
-        return "the ply can't be formed there; other yarn angles, a larger radius or a cut may help"
+        return "it cannot be formed there; other yarn angles, a larger radius or a cut may help"
     if scene_output.locking(scene):
-        return "cells lock, which shortens yarns, too: take another mesh first"
+        return "cells lock, which also shortens yarns; first use another mesh"
     fabrics = materials_of(scene, scene.blank.whole)
     doubt = any("d" in each.assumed_values() for each in fabrics)
-    rests = ", and it rests on d, which no test has determined" if doubt else ""
-    return f"more force of a blank holder may help{rests}"
+    rests = ", and it depends on d, which no test has determined" if doubt else ""
+    return f"more blank holder force may help{rests}"
 
 
 def beyond_limits_at_end(
@@ -130,9 +131,9 @@ def error_doubts(result: Result, force_name: str) -> list[Reason]:
     sizes = {n: abs(result.number(n) or 0.0) if e is None else e for n, e in errors.items()}
     rows = (  # number, its largest error, how that is named, what is doubted
         ("reaction_N", 0.1 * force, f"10 %: {force_name} {{}} N", "_N"),
-        ("shear_angle_99_percent_deg", 3.0, "3 deg: of 99 % of the area {} deg", "shear_angle"),
+        (ANGLE, 3.0, "3 deg: 99th percentile of the shear angle {} deg", "shear_angle"),
     )
-    words = "an estimated error may be above {}; take smaller cells"
+    words = "an estimated error may be above {}; use smaller cells"
     return [
         Reason(words.format(text.format(result.formatted(name, ".5g"))), of)
         for name, most, text, of in rows
@@ -144,15 +145,15 @@ def _of_path(rows, energy):
     balance = energy_balance(rows, energy)
     if branches := ", ".join(rounded(load, 6) for load in balance["branches"]):
         yield (
-            f"the path branches at load {branches}: the equilibrium there was a saddle, and "
-            "one of the ways down was taken; others may lead to other results"
+            f"the path branches at load {branches}: the equilibrium there is a saddle, and "
+            "one of several branches was followed; others may lead to other results"
         )
     if balance["energy_imbalance"] > UNBALANCED:
         below = [kind for kind in energy if kind != "external_work" and energy[kind] < 0]
         negative = " and ".join(f"{kind} {rounded(energy[kind])} N mm" for kind in below)
-        cause = "take smaller steps (`max_step`), unless the sheet snapped"
+        cause = "use smaller steps (`max_step`), unless the sheet snapped"
         if below:
-            cause = f"what should resist drives the sheet, as energies are below 0: {negative}"
+            cause = f"negative energies drive the sheet instead of resisting it: {negative}"
         yield (
             "work of supports and tools and stored energy differ by "
             f"{percent(balance['energy_imbalance'], 3)}; {cause}"
@@ -174,15 +175,15 @@ def _of_waves(quantities):
     """Sentences on wrinkles with few cells, and on waves that are no wrinkles."""
     if least := coarsest_waves(quantities):
         yield (
-            f"heights of wrinkles, up to {rounded(least['height_mm'])} mm, are rough, as "
-            f"{rounded(least['wavelength_mm'])} mm of a wave are {rounded(least['cells_a_wave'])} "
-            f"cells; take {AIM:g}: `nx` {rounded(AIM / least['cells_a_wave'])} times as large"
+            f"heights of wrinkles, up to {rounded(least['height_mm'])} mm, are inaccurate: a wave "
+            f"of {rounded(least['wavelength_mm'])} mm has {rounded(least['cells_a_wave'])} cells; "
+            f"use {AIM:g}: `nx` {rounded(AIM / least['cells_a_wave'])} times as large"
         )
     most = max(_wrinkles(quantities), key=lambda each: each["ripples_mm"], default=None)
     if most and most["ripples_mm"] >= MIN_HEIGHT:
         yield (
-            f"ripples of the mesh, up to {rounded(most['ripples_mm'])} mm high, are no wrinkles: "
-            f"cells or fabric make no waves shorter than {rounded(most['seen_mm'][0])} mm"
+            f"ripples up to {rounded(most['ripples_mm'])} mm high are mesh artefacts, not wrinkles:"
+            f" cells or fabric form no waves shorter than {rounded(most['seen_mm'][0])} mm"
         )
 
 

@@ -58,10 +58,10 @@ class MeasuredBending(Parameters):
     cantilever_a: float | None = parameter(_LENGTH, "overhang of strips along a [mm]", None)
     cantilever_b: float | None = parameter(_LENGTH, "the same along b", None)
     curvature: tuple[float, ...] = parameter(
-        Several(of_either_sign("curvature")), "of the table [1/mm]", ()
+        Several(of_either_sign("curvature")), "curvatures of the table [1/mm]", ()
     )
-    moment_a: tuple[float, ...] = parameter(_MOMENTS, "per width there, along a [N mm/mm]", ())
-    moment_b: tuple[float, ...] = parameter(_MOMENTS, "along b, if it is another one", ())
+    moment_a: tuple[float, ...] = parameter(_MOMENTS, "moments per width along a [N mm/mm]", ())
+    moment_b: tuple[float, ...] = parameter(_MOMENTS, "moments along b, if they differ", ())
     thresholds: tuple[float, ...] = field(init=False, repr=False, compare=False, default=(0.0, 0.0))
     # curvatures and moments of the elastic part of each yarn
     _elastic: tuple[tuple[np.ndarray, np.ndarray], ...] = field(
@@ -78,7 +78,7 @@ class MeasuredBending(Parameters):
         counts = set(map(len, curves))
         if any(lengths) or len(counts) > 1 or min(counts) < 2 or not any(self.curvature):
             raise InputError(
-                "bending is incomplete, or told twice; allowed are cantilever_a and cantilever_b, "
+                "bending is incomplete, or given twice; expected cantilever_a and cantilever_b, "
                 "or as many numbers of curvature, not 0 alone, moment_a, and moment_b if it differs"
             )
         columns = zip(map(np.array, curves[1:]), ("moment_a", "moment_b"))
@@ -124,7 +124,7 @@ def _parted(curvature, moment, name):
     for k in np.flatnonzero(np.diff(moment) <= 0)[:1]:
         low, high = (f"{moment[i]:.4g} at {curvature[i]:.4g} 1/mm" for i in (k, k + 1))
         raise InputError(
-            f"bending.{name} less its threshold is {low} and {high}; allowed is one that rises "
+            f"bending.{name} less its threshold is {low} and {high}; expected a curve that rises "
             "through 0 (thin out what scatters)"
         )
     return (curvature, moment), threshold
@@ -139,13 +139,13 @@ def _of_loop(curvature, moment, name):
         order = np.argsort(curvature[on], kind="stable")
         branches.append((curvature[on][order], moment[on][order]))
     if min(len(x) for x, _ in branches) < 1:
-        raise InputError("bending.curvature falls; allowed is a rising one, or a loop")
+        raise InputError("bending.curvature falls; expected a rising one, or a loop")
     low, high = max(x[0] for x, _ in branches), min(x[-1] for x, _ in branches)
     at = np.unique(curvature[(curvature >= low) & (curvature <= high)])
     there, back = (np.interp(at, *branch) for branch in branches)
     half = (there - back) / 2
     if half.sum() < 0:
-        raise InputError(f"bending.{name} is larger on the way back; allowed is a loop of friction")
+        raise InputError(f"bending.{name} is larger on unloading; expected a loop of friction")
     threshold = np.median(half[half >= 0.5 * half.max()])
     # where a branch begins nothing slides, and the other one tells
     ends = np.where(at > 0, there - threshold, back + threshold)

@@ -28,10 +28,10 @@ class Compaction(Parameters):
     optional = ("thickening",)
 
     exponent: float = parameter(Rule("a number above 1", lambda v: v > 1), "n, above 1 [-]", 16.0)
-    onset: float = parameter(above_zero("stress"), "p_0, where the power law begins [MPa]", 1e-3)
-    pressure: float = parameter(above_zero("stress"), "at which h is the fabric's [MPa]", 1e-3)
+    onset: float = parameter(above_zero("stress"), "p_0, onset of the power law [MPa]", 1e-3)
+    pressure: float = parameter(above_zero("stress"), "pressure at the given thickness [MPa]", 1e-3)
     thickening: float = parameter(
-        FROM_ZERO, "m; with 1 sheared plies have the fibre volume fraction of flat ones", 0.0
+        FROM_ZERO, "m; with 1 shear does not change the fibre volume fraction", 0.0
     )
 
     def thickness(self, p: float | np.ndarray) -> np.ndarray:

@@ -59,7 +59,7 @@ class Energy:
     def parts(self, eps_a: Number, eps_b: Number, gamma: Number) -> tuple[Number, ...]:
         """The parts of `energy`; InputError if that fails or gives something else than three."""
         allowed = (
-            "allowed are three parts, written with + - * / **, abs and the functions of "
+            "expected three parts, written with + - * / **, abs and the functions of "
             "`material.functions`, as where(eps > 0, x, y) for `if`"
         )
         try:
@@ -118,15 +118,15 @@ class Energy:
         names = "energy", "stress sigma_a", "stress sigma_b", "stress tau"
         values, limits = [rest.parts[0].sum(), *rest.first[:, 0]], [1e-9 * stiffness.max()]
         flaws = [
-            f"{name} of law {self.law} is {value:.3g} MPa in fabric as it lies, without strain; "
-            "allowed is 0: take off what it is there"
+            f"{name} of law {self.law} is {value:.3g} MPa without strain; expected 0: subtract its "
+            "value at rest"
             for name, value, limit in zip(names, values, [*limits, *(1e-5 * stiffness)])
             if not abs(value) <= limit
         ]
         least = beside[[0, 2, 5]].min(1)
         flaws += [
-            f"stiffness of law {self.law} along {name} is {rounded(value)} MPa in fabric as it "
-            "lies, without strain; allowed is 0 or more: look at its signs"
+            f"stiffness of law {self.law} along {name} is {rounded(value)} MPa without strain; "
+            "expected 0 or more: check its signs"
             for name, value, scale in zip(("eps_a", "eps_b", "gamma"), least, stiffness)
             if value < -1e-6 * scale
         ]
@@ -149,7 +149,7 @@ def check_couplings(names: object, label: str = "couplings") -> frozenset[str]:
     otherwise an InputError that calls them `label`."""
     if isinstance(names, (str, Mapping)) or not isinstance(names, Iterable):
         raise InputError(
-            f"{label} is {repr_short(names)}; allowed is a list of {', '.join(COUPLINGS)}"
+            f"{label} is {repr_short(names)}; expected a list of {', '.join(COUPLINGS)}"
         )
     couplings = {str(word).replace("-", "_").replace("–", "_") for word in names}
     for name in couplings.difference(COUPLINGS):

@@ -42,9 +42,7 @@ class Interval(Several):
         numbers = super().check(name, value)
         if len(numbers) == 2 and numbers[0] < numbers[1]:
             return numbers
-        raise InputError(
-            f"{name} is {repr_short(value)}; allowed are two numbers, [lowest, highest]"
-        )
+        raise InputError(f"{name} is {repr_short(value)}; expected two numbers, [lowest, highest]")
 
 
 def preset_or_file(
@@ -57,7 +55,7 @@ def preset_or_file(
     if isinstance(source, (str, os.PathLike)) and os.path.exists(source):
         return read(source)
     raise InputError(
-        f"{kind} {repr_short(source)} is unknown{did_you_mean(source, presets)}; allowed is a "
+        f"{kind} {repr_short(source)} is unknown{did_you_mean(source, presets)}; expected a "
         f"preset ({', '.join(presets)}) or a file that exists"
     )
 
@@ -71,7 +69,7 @@ def read_toml(path: str | os.PathLike[str], make: Callable[[Document], T]) -> T:
         if isinstance(error, UnicodeDecodeError):
             is_wide = error.object.startswith((b"\xff\xfe", b"\xfe\xff"))
             reason = f"it is in {'UTF-16' if is_wide else 'Latin-1 or another encoding'}"
-        raise InputError(f"{path}: cannot be read ({reason}); allowed is TOML in UTF-8") from None
+        raise InputError(f"{path}: cannot be read ({reason}); expected TOML in UTF-8") from None
     try:
         return make(document)
     except InputError as error:
@@ -123,11 +121,11 @@ def read_numbers(
         if key not in keys:
             spelled = [each for each, (name, _) in keys.items() if f"{key}_".startswith(f"{name}_")]
             if key in rules:
-                raise InputError(f"{label} has no unit; allowed is {' or '.join(spelled)}")
+                raise InputError(f"{label} has no unit; expected {' or '.join(spelled)}")
             raise unknown_key(key, spelled or (*rules, *also), label)
         name, power = keys[key]
         if name in numbers:
-            raise InputError(f"{label} repeats {where}{name}; allowed is {name} once")
+            raise InputError(f"{label} repeats {where}{name}; expected {name} once")
         numbers[name] = _scaled(rules[name].check(label, value), power)
     return numbers
 
@@ -162,7 +160,7 @@ def read_sheet_numbers(
     weight = numbers.pop("areal_weight", None)
     if weight is not None and "thickness" in numbers:
         if "density" in numbers:
-            raise InputError("density and areal_weight are both given; allowed is one of them")
+            raise InputError("density and areal_weight are both given; use one of them")
         # from g/(m2 mm), rounded as a number typed by hand
         numbers["density"] = float(f"{1e-3 * weight / numbers['thickness']:.15g}")
     return numbers, weight

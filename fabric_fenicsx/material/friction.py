@@ -38,7 +38,7 @@ class YarnFriction(Parameters):
         if counts[0] != counts[1]:
             raise InputError(
                 f"friction between yarns has {counts[0]} stiffnesses and {counts[1]} strengths; "
-                "allowed is one of both for each element"
+                "expected one of both for each element"
             )
 
     def energy(self, strain: Number, sliding: Sequence[Number]) -> Number:

@@ -48,9 +48,9 @@ State.energy.__doc__ = "(n,): W_tot [MPa]"
 State.energy_parts.__doc__ = "(n, 3): along a, along b, shear with its couplings [MPa]"
 State.S.__doc__ = "(n, 2, 2): second Piola-Kirchhoff stress, eq. (12) [MPa]"
 State.cauchy.__doc__ = "(n, 2, 2), or (n, 3, 3) from a gradient into space: eq. (4) [MPa]"
-State.strain_state.__doc__ = "(n,): 1 both in tension, 2 b compressed, 3 a, 4 both; eq. (13)"
+State.strain_state.__doc__ = "(n,): 1 both in tension, 2 only a, 3 only b, 4 none; eq. (13)"
 State.tangent.__doc__ = "(n, 3, 3): dS/dE on (11, 22, 12), E in Voigt's (E11, E22, 2 E12) [MPa]"
-State.sliding.__doc__ = "(n, k): of elements of friction after the step [rad], where it was given"
+State.sliding.__doc__ = "(n, k): slip of friction elements after the step [rad], if it was given"
 
 
 def evaluate(
@@ -144,7 +144,7 @@ def _deformation(stretch, gradient, cauchy_green):
     measures = [x for x in (stretch, gradient, cauchy_green) if x is not None]
     if len(measures) != 1:
         raise InputError(
-            f"of stretch, gradient and cauchy_green, {len(measures)} were given; allowed is one"
+            f"of stretch, gradient and cauchy_green, {len(measures)} were given; expected one"
         )
     measure = np.asarray(measures[0], dtype=float)
     rows = measure.shape[-2]
@@ -156,7 +156,7 @@ def _deformation(stretch, gradient, cauchy_green):
         bad = np.flatnonzero(~np.isfinite(J2) | (J2 <= 0) | (C[:, 0, 0] <= 0) | inverted)
     if bad.size:
         place = f"point {bad[0]} is {measure[bad[0]].tolist()}"
-        raise InputError(f"the deformation at {place}; allowed are finite ones with J > 0")
+        raise InputError(f"the deformation at {place}; expected finite ones with J > 0")
     return measure, C
 
 
@@ -165,7 +165,7 @@ def _directions(fibres):
     a, b = (np.asarray(v, float).reshape(-1, 2) for v in (np.eye(2) if fibres is None else fibres))
     unit = all((np.abs((v**2).sum(1) - 1) < 1e-9).all() for v in (a, b))
     if not unit or (np.abs((a * b).sum(1)) > 1 - 1e-9).any():
-        raise InputError("fibres a0 and b0 are no unit vectors, or parallel; allowed are others")
+        raise InputError("fibres a0 and b0 must be unit vectors, and not parallel")
     return a.T, b.T
 
 

@@ -112,7 +112,7 @@ class Material(Parameters):
             if len(values) > 1 or not low <= values[0] <= high:
                 raise InputError(
                     f"scatter.{name} is from {low:g} to {high:g}, and {name} is "
-                    f"{' and '.join(f'{v:g}' for v in values)}; allowed is an interval around one "
+                    f"{' and '.join(f'{v:g}' for v in values)}; expected an interval around one "
                     "number (yarn_factor is of warp and weft)"
                 )
 

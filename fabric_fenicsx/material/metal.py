@@ -68,7 +68,7 @@ class Swift(Hardening):
     law = "swift"
 
     K: float = parameter(above_zero("stress"), "stress at eps0 + p = 1 [MPa]")
-    eps0: float = parameter(above_zero(), "strain before the first yield [-]")
+    eps0: float = parameter(above_zero(), "strain offset [-]")
     n: float = parameter(numbers.fraction(), "exponent, 0 to 1 [-]; 0 is ideal plasticity")
 
     def stress(self, p: np.ndarray) -> np.ndarray:
@@ -100,7 +100,7 @@ class Voce(Hardening):
     law = "voce"
 
     Y0: float = parameter(above_zero("stress"), "first yield stress [MPa]")
-    Q: float = parameter(not_negative("stress"), "its growth [MPa]")
+    Q: float = parameter(not_negative("stress"), "increase at large strain [MPa]")
     b: float = parameter(above_zero(), "rate of hardening [-]")
 
     def stress(self, p: np.ndarray) -> np.ndarray:
@@ -131,10 +131,10 @@ class HardeningTable(Hardening):
     law = "table"
 
     eps: tuple[float, ...] = parameter(
-        Several(numbers.FINITE), "plastic strains (n,), n >= 2, rising from 0 [-]"
+        Several(numbers.FINITE), "plastic strains (n,), n >= 2, increasing from 0 [-]"
     )
     sigma: tuple[float, ...] = parameter(
-        Several(numbers.of_either_sign("stress")), "stresses (n,) above 0 that do not fall [MPa]"
+        Several(numbers.of_either_sign("stress")), "positive, non-decreasing stresses (n,) [MPa]"
     )
     _curves: tuple = field(init=False, repr=False, compare=False)  # work, stress and slope
 
@@ -142,13 +142,13 @@ class HardeningTable(Hardening):
         super().__post_init__()
         points = [*zip(self.eps, self.sigma)]
         flaws = [
-            f"hardening: point {k} is {(e, stress)}; allowed are strains that rise from 0 and "
+            f"hardening: point {k} is {(e, stress)}; expected strains that increase from 0 and "
             "stresses above 0 that do not fall"
             for k, ((e, stress), (before, least)) in enumerate(zip(points, [(-1, 0), *points]), 1)
             if not (e > before and stress >= least and (k > 1 or e == 0 < stress))
         ]
         if len(self.eps) != len(self.sigma) or len(points) < 2:
-            allowed = "allowed are two lists of 2 or more numbers"
+            allowed = "expected two lists of 2 or more numbers"
             flaws = [f"hardening.eps and sigma differ in length or are too short; {allowed}"]
         for flaw in flaws[:1]:
             raise InputError(flaw)
@@ -184,11 +184,11 @@ class Metal(Material):
         Rule("a number from 0 to 0.5", lambda v: 0 <= v <= 0.5), "Poisson's ratio [-]"
     )
     hardening: Hardening = parameter(
-        None, "`Swift`, `Voce` or `HardeningTable`: yield stress over equivalent plastic strain"
+        None, "`Swift`, `Voce` or `HardeningTable`: yield stress against equivalent plastic strain"
     )
     thickness: float = parameter(None, "thickness of the sheet [mm]")
     density: float = parameter(None, "mass per volume [g/cm3]", 7.85)
-    name: str = parameter(None, "in results and messages", "")
+    name: str = parameter(None, "used in results and messages", "")
     scatter: Scatter = parameter(None, "as of a `Law`", dict, compare=False)
 
     def table(self) -> Document:

@@ -55,7 +55,7 @@ def read_laws(path: str | os.PathLike[str]) -> None:
         run_path(os.fspath(path), run_name=Path(path).stem)
     except Exception as error:
         raise InputError(
-            f"law file {path} fails ({type(error).__name__}: {error}); allowed is one that runs"
+            f"law file {path} fails ({type(error).__name__}: {error}); expected one that runs"
         ) from error
 
 
@@ -64,7 +64,7 @@ def checked_fabric(name: str, fabric: object) -> Law:
     name."""
     if not isinstance(fabric, Law):
         raise InputError(
-            f'{name} is {repr_short(fabric)}; allowed is a fabric, as of `load("komeili")`'
+            f'{name} is {repr_short(fabric)}; expected a fabric, as of `load("komeili")`'
         )
     return fabric
 
@@ -74,7 +74,7 @@ def _read(path):
         name = document.get("law", "tabulated" if document.get("model") == "fabric" else "coupled")
         if not isinstance(name, str) or name not in LAWS:
             known = unknown_key(name, LAWS, f"law {repr_short(name)}")
-            raise InputError(f"{known}, and own ones that were imported, or by `--law-file`")
+            raise InputError(f"{known}, and your own laws if imported, or by `--law-file`")
         return LAWS[name].from_document(document, Path(path).parent)
 
     return read_toml(path, fabric)

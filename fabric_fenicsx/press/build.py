@@ -183,7 +183,7 @@ def _die_of(name, holder, press, laid, tools, schedule):
         names = ", ".join(tool.name for tool in flat) or "there is none"
         flaw = f"is {asked}{'' if still else ', which moves'}" if asked else f"is one of: {names}"
         raise InputError(
-            f"{path} {flaw}; allowed is a tool that stands still and has a flat face on the blank, "
+            f"{path} {flaw}; expected a tool that does not move and has a flat face on the blank, "
             "or a tool with a force in place of a holder"
         )
     return flat[0]

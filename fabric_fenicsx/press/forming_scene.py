@@ -261,8 +261,8 @@ class FormingScene(Setup):
         if press.planes:
             files = [sheet.sheet_file for sheet in self.sheets if sheet.sheet_file]
             if files := files + ["the blank"] * any(press.planes.values()):
-                flaw = f"{files[0]} is modelled by a {press.modelled}, which can't be disturbed"
-                raise InputError(f"{flaw}; allowed is the whole blank")
+                flaw = f"{files[0]} is modelled by a {press.modelled}, which cannot be disturbed"
+                raise InputError(f"{flaw}; expected the whole blank")
             sheets = [sheet.mirrored(press.planes) for sheet in self.sheets]
             press = press.replace(sheets=sheets, symmetry="none")
         x, y, *z = np.asarray(press.tool(name).at).tolist()
@@ -277,8 +277,8 @@ class FormingScene(Setup):
         for axis, apart in zip(axes, answer):
             if apart and self._is_symmetric(axis):
                 words = (
-                    f"the press is its own mirror image in {'xy'[axis]} = 0, but the blank, which "
-                    "moves by up to {} mm in plan, is {} mm off its image at {}; take more steps"
+                    f"the press is symmetric about {'xy'[axis]} = 0, but the blank, which moves by "
+                    "up to {} mm in plan, is off its image by {} mm at {}; use more steps"
                 )
                 found.append(Reason(words.format(*map(rounded, apart[:2]), of_sheet(apart[2]))))
         return found
@@ -294,7 +294,7 @@ class FormingScene(Setup):
         return whole and not (across or any(yarns) or tools or self.field_ranges())
 
     def begin(self, folder: Path, pictures: bool) -> None:
-        """Draw the tools and the flat blank before anything moves."""
+        """Draw the tools and the flat blank before the first step."""
         if pictures:
             from .pictures import draw_setup  # takes long to import
 

@@ -60,7 +60,7 @@ class Kind(KnowsItsFields):
         edges = getattr(self, "edges", ())
         if not isinstance(edges, (list, tuple)) or any(each not in EDGES for each in edges):
             raise InputError(
-                f"`edges` is {repr_short(edges)}; allowed is a list of some of {[*EDGES]}"
+                f"`edges` is {repr_short(edges)}; expected a list of some of {[*EDGES]}"
             )
 
 
@@ -78,12 +78,12 @@ class PressureHolder(Kind):
     """
 
     pressure: float | Callable[[float], float] = quantity(
-        *(2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]"),
+        *(2.0, FROM_ZERO, "pressure on the part of the blank on the flange [MPa]"),
         doubt=(10.0, "pressures are in MPa (Pa over 1e6)"),
     )
     where: Where | None = _where("present positions")
     against: str = _option("", "name of the die, needed if several tools could be it")
-    full_stack: bool = flag("only where all sheets lie on one another, as a rigid plate presses")
+    full_stack: bool = flag("only where all sheets overlap, as a rigid plate presses")
 
     def __post_init__(self) -> None:
         if not callable(self.pressure):
@@ -93,7 +93,7 @@ class PressureHolder(Kind):
         if not callable(self.pressure):
             site.warn(*check_fields(self, lambda name: f"holders.{site.name}.{name}"))
         if self.pressure == 0:
-            site.warn(f"holders.{site.name}.pressure is 0: it does not hold the rim")
+            site.warn(f"holders.{site.name}.pressure is 0, so it does not hold the edge")
         flange, where = site.on_flange(), _pressed(site, self.where)
         site.warn(*_loose_ends(site))
         pressure = BlankHolderPressure(
@@ -107,7 +107,7 @@ class PressureHolder(Kind):
         )
         if site.laid.stack and site.up[2] < 0:
             raise InputError(
-                f"holders.{site.name} presses a stack downwards on {site.die.name}; allowed is a "
+                f"holders.{site.name} presses a stack downwards on {site.die.name}; expected a "
                 "die above the stack, or a holder that is a tool with a force"
             )
         if not (self.full_stack and site.laid.stack):
@@ -149,7 +149,7 @@ class GapHolder(Kind):
     """
 
     gap: float | None = quantity(
-        None, POSITIVE, "distance of holder and die (1.1 thicknesses) [mm]"
+        None, POSITIVE, "distance between holder and die (1.1 thicknesses) [mm]"
     )
     where: Where | None = _where("points of the flat blank")
     against: str = _option("", "name of the die, needed if several tools could be it")
@@ -159,7 +159,7 @@ class GapHolder(Kind):
         gap = self.gap or 1.1 * t
         if gap < 0.5 * t:
             flaw = f"holders.{site.name}.gap is {gap:g}, which crushes the blank"
-            raise InputError(f"{flaw}; allowed is from {t / 2:g} mm, half its thickness")
+            raise InputError(f"{flaw}; expected from {t / 2:g} mm, half its thickness")
         return _plate(site, gap - t / 2, self.where)
 
 
@@ -175,14 +175,14 @@ class Grippers(Kind):
     3.0
     """
 
-    tension: float = quantity(5.0, FROM_ZERO, "pull at the edges of the ply [N/mm]")
+    tension: float = quantity(5.0, FROM_ZERO, "tension at the edges of the ply [N/mm]")
     where: Where | None = _where("points of the flat blank")
     edges: Sequence[str] = _option(tuple(EDGES), "edges that are gripped")
     presses: ClassVar[bool] = False
 
     def terms(self, site: HolderSite) -> list[Term]:
         if self.tension == 0:
-            site.warn(f"holders.{site.name}.tension is 0: it does not hold the rim")
+            site.warn(f"holders.{site.name}.tension is 0, so it does not hold the edge")
         pulls, x, mask = list[Term](), site.laid.flat_nodes().T, site.mask(self.where)
         nodes = np.ones(x.shape[1])
         for name, outwards, edge in _edges(site, self.edges):
@@ -193,7 +193,7 @@ class Grippers(Kind):
                 pulls[-1].name = f"{site.name}, {name}"
         if not pulls:
             raise InputError(
-                f"`where` of holders.{site.name} marks no edge; allowed is a mask of one"
+                f"`where` of holders.{site.name} selects no edge; expected a mask that does"
             )
         return pulls
 
@@ -211,8 +211,8 @@ class SpringHolder(Kind):
     """
 
     stiffness: float = quantity(None, FROM_ZERO, "of each spring, for the whole blank [N/mm]")
-    preload: float = quantity(0.0, FROM_ZERO, "pull of each at the start, for the whole blank [N]")
-    length: float = quantity(100.0, POSITIVE, "of each at the start [mm]")
+    preload: float = quantity(0.0, FROM_ZERO, "initial force of each, for the whole blank [N]")
+    length: float = quantity(100.0, POSITIVE, "initial length of each [mm]")
     edges: Sequence[str] = _option((), "edges with parallel springs, which count as one spring")
     at: Sequence[Sequence[float]] = _option(
         (),
@@ -244,14 +244,14 @@ class SpringHolder(Kind):
             away = place - site.centre
             if (place[planes] < at).any() or not away.any():
                 raise InputError(
-                    f"holders.{site.name}.at has the point {coordinates(place)} mm; allowed are "
+                    f"holders.{site.name}.at has the point {coordinates(place)} mm; expected "
                     "points on the modelled part, but the blank's centroid, from which springs "
                     "pull away"
                 )
             if (off := site.laid.distance(place)) > OFF_BLANK * max(site.laid.sides):
                 where = f"{coordinates(place)} mm, {rounded(off)} mm off the blank"
                 flaw = f"holders.{site.name}.at has the point {where}"
-                raise InputError(f"{flaw}; allowed are points on it")
+                raise InputError(f"{flaw}; expected points on it")
             share, near = 0.5 ** int((place[planes] == at).sum()), site.laid.nearest_nodes(place)
             add(f"point {k}", near, share, np.append(away, 0.0) / np.linalg.norm(away))
         return springs
@@ -278,7 +278,7 @@ class BeadHolder(Kind):
         super().__post_init__()
         if not isinstance(self.bead, Mapping) or self.bead.keys() != {"line", "restraint"}:
             flaw = f"`bead` is {repr_short(self.bead)}"
-            raise InputError(f"{flaw}; allowed is a table of `line` and `restraint`")
+            raise InputError(f"{flaw}; expected a table of `line` and `restraint`")
         LineBead(**self.bead)  # raises what is wrong with them
 
     def terms(self, site: HolderSite) -> list[Term]:
@@ -288,7 +288,7 @@ class BeadHolder(Kind):
         if len(off := x[site.on_flange()(x.T) == 0]):
             raise InputError(
                 f"holders.{site.name}.bead leaves the flange of {site.die.name} at "
-                f"{coordinates(off[0, :2])} mm; allowed is a line on its flat face"
+                f"{coordinates(off[0, :2])} mm; expected a line on its flat face"
             )
         return [bead]
 
@@ -306,7 +306,7 @@ def segments(name: str, given: Holder | Sequence[Holder]) -> list[Holder]:
     holders: list = list(given) if isinstance(given, (list, tuple)) else [given]
     if not holders or not all(callable(getattr(each, "terms", None)) for each in holders):
         raise InputError(
-            f"holders.{name} is {repr_short(given)}; allowed is a holder, as `PressureHolder(2.0)` "
+            f"holders.{name} is {repr_short(given)}; expected a holder, as `PressureHolder(2.0)` "
             "or an object with a method `terms(site)`, or a list of one or more"
         )
     return holders
@@ -354,7 +354,7 @@ def _loose_ends(site):
         if not flange((across * [*site.centre, 0.0] + end * outwards)[:, None])[0]:
             doubts.append(
                 f"the smallest sheet ends over the die's opening at {'xy'[int(across.argmin())]} = "
-                f"{rounded(float(end * outwards.sum()), 4)} mm: the blank holder does not press it "
-                "there"
+                f"{rounded(float(end * outwards.sum()), 4)} mm, where the blank holder does not "
+                "press it"
             )
     return doubts

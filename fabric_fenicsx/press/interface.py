@@ -36,25 +36,23 @@ class Interface(KnowsItsFields):
     """
 
     friction: float | Field = quantity(
-        0.25, of_place(FROM_ZERO, "xyz"), "coefficient between fabric and tools"
+        0.25, of_place(FROM_ZERO, "xyz"), "friction coefficient between fabric and tools"
     )
     metal_friction: float | Field = quantity(
-        0.1, of_place(FROM_ZERO, "xyz"), "coefficient between metal and tools", "tools"
+        0.1, of_place(FROM_ZERO, "xyz"), "friction coefficient between metal and tools", "tools"
     )
     slip: float | None = quantity(
-        None, POSITIVE, "elastic slip while a sheet sticks, by default of each pair [mm]"
+        None, POSITIVE, "elastic slip of sticking sheets, by default computed for each pair [mm]"
     )
     lag: float = quantity(
         0.0005,
         POSITIVE,
-        "share of normal forces, and of areas under the holder, that may lag behind the state",
+        "share of normal forces, and of areas under the holder, by which forces may lag",
     )
     penalty: float | None = quantity(
-        None,
-        POSITIVE,
-        "stiffness of contact with rigid faces (by default fabric is compacted) [N/mm^3]",
+        None, POSITIVE, "contact stiffness of rigid faces (by default fabric is compacted) [N/mm^3]"
     )
-    self: bool = flag("let each sheet touch itself where a fold closes")
+    self: bool = flag("contact of each sheet with itself where a fold closes")
 
     @property
     def is_rigid(self) -> bool:

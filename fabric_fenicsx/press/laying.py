@@ -146,7 +146,7 @@ def _check_symmetric(blank, source, planes):
             raise InputError(
                 f"{source} reaches from {name} = {rounded(start, 4)} to {rounded(end, 4)} mm, "
                 f"{'beyond' if cut else 'but not to'} the plane of symmetry {name} = {place:g}; "
-                f"allowed is the whole blank, or a mesh of its part {name} >= {place:g} with an "
+                f"expected the whole blank, or a mesh of its part {name} >= {place:g} with an "
                 "edge on the plane"
             )
 
@@ -154,11 +154,11 @@ def _check_symmetric(blank, source, planes):
 def mirrored_yarns(sheet: Sheet, blank: Blank, planes: Mapping[int, float]) -> str:
     """A warning, on all ranks, if planes across these axes don't mirror the yarns into yarns of the
     same kind, otherwise "". A file of points may know of the modelled part alone, and is
-    believed."""
+    trusted."""
     angle, between, comm = sheet.fibre_angle, sheet.yarn_angle, blank.mesh.comm
     if not sheet.fabric or (isinstance(angle, Field) and not callable(angle.source)):
         return ""
-    x, where = blank.centres(), "yarns by a function"
+    x, where = blank.centres(), "yarns given by a function"
     if not isinstance(angle, Field):
         x, where = np.zeros((1, 3)), f"yarns at {angle:g} and {angle + between:g} deg"
     images = [np.where(np.arange(3) == axis, 2 * place - x, x) for axis, place in planes.items()]
@@ -170,10 +170,10 @@ def mirrored_yarns(sheet: Sheet, blank: Blank, planes: Mapping[int, float]) -> s
         off = np.abs([(angles + k * between + 90) % 180 - 90 for k in (0, 1, 2)])
         a, swapped, b = np.all(comm.allgather((off < 1e-6).all(1)), axis=0)
         if not ((a and b) or (swapped and alike)):
-            differ = ", as warp and weft differ" if swapped else ""
+            differ = ", because warp and weft differ" if swapped else ""
             part = ("half", "quarter")[len(planes) - 1]
             return (
-                f"{where} are not their own mirror images{differ}, so the {part} stands for a ply "
-                "of mirrored ones; take the whole ply"
+                f"{where} are not symmetric{differ}, so the {part} represents a ply of mirrored "
+                "parts; use the whole ply"
             )
     return ""

@@ -54,7 +54,7 @@ def draw_setup(
     holders: Mapping[str, Sequence[Term]],
     motions: Mapping[str, ArrayLike],
 ) -> None:
-    """A picture of a press before anything moves: as `setup_picture`; called on all ranks."""
+    """A picture of a press before the first step: as `setup_picture`; called on all ranks."""
     plies = flat_grids(scene.blank, planes_of_symmetry(scene))
     size = float(scene.blank.sides().max())  # of all ranks
     if scene.comm.rank:

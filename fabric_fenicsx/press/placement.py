@@ -1,4 +1,4 @@
-"""The places of the tools of a press before anything moves, and whether they leave room for it."""
+"""The places of the tools of a press before the first step, and whether they leave room for it."""
 
 from collections.abc import Mapping
 from itertools import product
@@ -82,7 +82,7 @@ def check_clearance(path: str, clearance: float, pressed: float, surface: Surfac
     """InputError for a clearance below the `pressed` thickness or from the concave radius on."""
     if not pressed <= clearance < surface.radii[1]:
         raise InputError(
-            f"{path} is {rounded(clearance, 6)}; allowed is from {rounded(pressed)} mm, the "
+            f"{path} is {rounded(clearance, 6)}; expected from {rounded(pressed)} mm, the "
             f"blank's thickness under {CHECK_PRESSURE:g} MPa, to below {surface.radii[1]:g} mm, "
             "the tool's least concave radius"
         )
@@ -103,7 +103,7 @@ def _surface_of(name, tool, laid, thickness):
             break
         try:
             if doubt := unit_doubt(float(np.ptp(surface.points, axis=0).max()), size, MIN_SHARE):
-                raise InputError(f"{words} {doubt}; allowed is a surface in mm")
+                raise InputError(f"{words} {doubt}; expected a surface in mm")
             return surface, check_triangles(surface, words, thickness)
         except InputError as error:
             if finer == finest:
@@ -140,8 +140,8 @@ def _check_covered(name, rim, extent, planes):
     within = ((rim[:, :2] > low + margin) & (rim[:, :2] < high - margin)).all(1)
     if within.any():
         raise InputError(
-            f"tools.{name} is open at {coordinates(rim[within.argmax()])} mm, beneath the blank;"
-            f" allowed is a surface in mm that reaches beyond the blank of {rounded(whole, 4)} mm, "
+            f"tools.{name} is open at {coordinates(rim[within.argmax()])} mm, under the blank;"
+            f" expected a surface in mm that reaches beyond the blank of {rounded(whole, 4)} mm, "
             "without holes and cracks"
         )
 
@@ -159,8 +159,8 @@ def _start(name, tool, surface, origin, laid, thickness, usual):
     deep = (height - touching) * up
     if deep > FLANGE * thickness:
         raise InputError(
-            f"tools.{name} cuts into the blank by {rounded(deep, 4)} mm before anything moves; "
-            f"allowed is z of `at` {'up to' if tool.side == 'below' else 'from'} "
+            f"tools.{name} cuts into the blank by {rounded(deep, 4)} mm before the first step; "
+            f"expected z of `at` {'up to' if tool.side == 'below' else 'from'} "
             f"{rounded(touching - origin[2], 6)}, where it touches, or `at` without z"
         )
     return np.array([x, y, height])
@@ -193,7 +193,7 @@ def _touching(name, up, place, surface, laid, thickness):
         first *= 2
         if first > 1e7:  # mm
             raise InputError(
-                f"tools.{name} has its body between its face and the blank; allowed is the other "
+                f"tools.{name} has its body between its face and the blank; use the other "
                 "side, turn = [180, 0, 0] on top of its own turn, triangles whose normals point "
                 "out of the body, or the die of an open surface, as double_dome"
             )
@@ -212,7 +212,7 @@ def _touching(name, up, place, surface, laid, thickness):
     beside = np.maximum(0, np.maximum(low - reach.max(0), reach.min(0) - high))
     raise InputError(
         f"tools.{name} does not meet the blank when it is moved along z, "
-        f"{rounded(float(np.linalg.norm(beside)), 6)} mm beside it; allowed is `at` that puts "
+        f"{rounded(float(np.linalg.norm(beside)), 6)} mm beside it; expected `at` that puts "
         "it there, and a surface in mm"
     )
 
@@ -244,7 +244,7 @@ def _clearance_doubts(press, tools, schedule, extent):
     that go through one another. The place of tools that a force moves is not known."""
     pressed, doubts = press.thickness(CHECK_PRESSURE), list[str]()
     thickness = f"the blank's thickness under {CHECK_PRESSURE:g} MPa, {rounded(pressed, 4)} mm"
-    whens = ["before anything moves", *(f"at the end of {s.name}" for s in schedule.stages)]
+    whens = ["before the first step", *(f"at the end of {s.name}" for s in schedule.stages)]
     straight = {
         frozenset((die.tool, name)): die.tool
         for name, die in press.dies().items()
@@ -263,11 +263,11 @@ def _clearance_doubts(press, tools, schedule, extent):
         words, at = f"tools {' and '.join(pair)}", f"{when}, at {coordinates(place)} mm"
         if apart < 0:
             raise InputError(
-                f"{words} go {rounded(-apart, 4)} mm through one another {at}; allowed is a "
+                f"{words} overlap by {rounded(-apart, 4)} mm {at}; expected a "
                 f"distance from {thickness}: less travel, or another place (`at`)"
             )
         if load and apart < (1 - 1e-6) * pressed:
-            crushed = f"less than {thickness}: they crush it there"
+            crushed = f"less than {thickness}: they crush the blank there"
             doubts.append(f"{words} are {rounded(apart, 4)} mm apart {at}, {crushed}")
     return doubts
 

@@ -41,7 +41,7 @@ class Press(PressData):
     limits
         Beyond which a result is invalid.
     stop_when_invalid
-        True: the run ends at the step where the ply can't be formed, see `Settings`.
+        True: end the run at the step where the ply cannot be formed, see `Settings`.
     title
         Of the report.
     gravity

@@ -29,7 +29,7 @@ class PressData(KnowsItsFields):
     holders: Mapping[str, Holder | Sequence[Holder]] = field(default_factory=dict)
     stages: Sequence[Stage] = ()
     limits: Limits = Limits()
-    stop_when_invalid: bool = flag("the run ends at the step where the ply can't be formed")
+    stop_when_invalid: bool = flag("end the run at the step where the ply cannot be formed")
     title: str = ""
     gravity: float | Sequence[float] = 0.0
 
@@ -37,13 +37,13 @@ class PressData(KnowsItsFields):
         check_fields(self, "limits.{}".format)
         places = self.symmetry if isinstance(self.symmetry, Mapping) else {}
         if not places.keys() <= {*"xy"} or self.symmetry not in ("none", "x", "y", "xy", places):
-            flaw = f"blank.symmetry is {repr_short(self.symmetry)}; allowed is one of none, x, y"
+            flaw = f"blank.symmetry is {repr_short(self.symmetry)}; expected one of none, x, y"
             raise InputError(f"{flaw}, xy, or a table of places [mm], as {{y = -400}}")
         for axis, place in places.items():
             FINITE.check(f"blank.symmetry.{axis}", place)
         if Gravity(self.gravity).acceleration[list(self.planes)].any():
             flaw = f"`gravity` is {self.gravity}, across a plane of symmetry"
-            raise InputError(f"{flaw}; allowed is one along it")
+            raise InputError(f"{flaw}; expected one along it")
         object.__setattr__(self, "sheets", _all_of(Sheet, "plies", self.sheets))
         object.__setattr__(self, "stages", _all_of(Stage, "stages", self.stages))
         _all_of(PressTool, "tools", list(self.tools.values()))
@@ -55,13 +55,13 @@ class PressData(KnowsItsFields):
     def _check_sides(self):
         if len({tool.side for tool in self.tools.values()}) == 1 and not self.holders:
             side = next(iter(self.tools.values())).side
-            flaw = f"all tools stand {side} the blank, and nothing resists them"
-            raise InputError(f"{flaw}; allowed is a tool on the other side, or a holder")
+            flaw = f"all tools are {side} the blank, and nothing resists them"
+            raise InputError(f"{flaw}; expected a tool on the other side, or a holder")
         surfaces = [name for name in self.tools if name not in self.dies()]
         for name, die in self.dies().items():
             if die.tool in self.tools and die.tool not in surfaces:
-                flaw = f"tools.{name}.die_of {die.tool} leads to a tool that is itself a `die_of`"
-                raise InputError(f"{flaw}; allowed is one with a `shape` or `file`")
+                flaw = f"tools.{name}.die_of {die.tool} refers to a tool that is itself a `die_of`"
+                raise InputError(f"{flaw}; expected one with a `shape` or `file`")
             if die.tool not in surfaces:
                 raise unknown_key(die.tool, surfaces, f"tools.{name}.die_of {die.tool}")
 
@@ -131,9 +131,9 @@ def _all_of(kind, what, values):
     values = (values,) if isinstance(values, kind) else tuple(values)
     names = [name for each in values if (name := getattr(each, "name", ""))]
     flaws = [f"one of the {what} is {repr_short(v)}" for v in values if not isinstance(v, kind)]
-    flaws += [f"two {what} are called {name}" for name in names if names.count(name) > 1]
+    flaws += [f"two {what} have the name {name}" for name in names if names.count(name) > 1]
     flaws += [] if values else [f"there are no {what}"]
     if flaws:
         kinds = f"`{kind.__name__}(...)`, or several with different names"
-        raise InputError(f"{flaws[0]}; allowed is {kinds}")
+        raise InputError(f"{flaws[0]}; expected {kinds}")
     return values

@@ -63,7 +63,7 @@ def _fields(document, path):
     if other := next((key for key in document if key not in known), ""):
         raise unknown_key(other, known, f"entry {other}")
     if (unit := document.get("unit", "missing")) != "mm":
-        raise InputError(f'unit is {unit}; allowed is a line `unit = "mm"`, the unit of lengths')
+        raise InputError(f'unit is {unit}; expected a line `unit = "mm"`, the unit of lengths')
     blank, contact, limits, tools, holders = (
         as_table(document.get(name, {}), name, f"a table, [{name}]") for name in TABLES
     )
@@ -101,7 +101,7 @@ def _sheets(document, blank, convert):
 def _tool(table, path, convert):
     table, common = as_table(table, path), names_of(PressTool)
     if "off" in table:
-        log.warning("%s.off is called start_distance now", path)
+        log.warning("%s.off was renamed to start_distance", path)
         table["start_distance"] = table.pop("off")
     kind, side = key_of(SURFACES, table, path), table.get("side", "below")
     own = {key: table.pop(key) for key in [*table] if key not in common}
@@ -147,7 +147,7 @@ def _file(value, path, folder):
     if file := next(filter(os.path.isfile, names), None):
         return str(file)
     raise InputError(
-        f"{path} is {repr_short(value)}, no file; allowed is one beside the press file"
+        f"{path} is {repr_short(value)}, no file; expected one in the folder of the press file"
     )
 
 
@@ -182,7 +182,7 @@ def _put(document, names, value):
         table = table[name]
     if isinstance(table, list):
         path = ".".join(names)
-        raise InputError(f"{path} names no entry; allowed is {'.'.join(names[:-1])}.NAME.KEY")
+        raise InputError(f"{path} is not an entry; expected {'.'.join(names[:-1])}.NAME.KEY")
     _enter(table, names, value)
 
 
@@ -218,9 +218,9 @@ def _change_material(document, names, value):
     sheets |= {f"ply.{k}": ply for k, ply in enumerate(document.get("ply", ()), 1)}
     named = {path: sheet[kind] for path, sheet in sheets.items() if kind in sheet}
     if len({str(each) for each in named.values()}) != 1:
-        flaw = f"{'.'.join(names)} is of one {kind} of all sheets, and the file has "
+        flaw = f"{'.'.join(names)} refers to one {kind} for all sheets, and the file has "
         flaw += ", ".join(f"{path}.{kind}" for path in named) or "none"
-        raise InputError(f"{flaw}; allowed is the path of one")
+        raise InputError(f"{flaw}; expected the path of one")
     for path in named:
         _put(document, [*path.split("."), *names], value)
 
@@ -301,8 +301,8 @@ def write(press: PressData, path: str | os.PathLike[str]) -> None:
             return os.path.relpath(value, path.parent)
         if isinstance(value, (str, bool, int, float)):
             return value
-        flaw = f"{where} is {repr_short(value)}, which a file cannot hold"
-        raise InputError(f"{flaw}; allowed are numbers, names, files, shapes and regions")
+        flaw = f"{where} is {repr_short(value)}, which cannot be written to a file"
+        raise InputError(f"{flaw}; expected numbers, names, files, shapes and regions")
 
     text = tomli_w.dumps(plain(document_of(press), ""))
     for file, material in files.items():

@@ -40,7 +40,7 @@ class Region:
     def __post_init__(self) -> None:
         if not isinstance(self.limits, Mapping) or not self.limits:
             raise InputError(
-                f"`where` is {repr_short(self.limits)}; allowed is a table, as x = [0, 50]"
+                f"`where` is {repr_short(self.limits)}; expected a table, as x = [0, 50]"
             )
         for name, ends in self.limits.items():
             if name == "at":
@@ -184,7 +184,7 @@ class HolderSite:
         x = self.laid.flat_nodes().T
         if not self.total(np.ones(x.shape[1]), mask(x)):
             raise InputError(
-                f"`where` of holders.{self.name} marks no node; allowed is a mask of some"
+                f"`where` of holders.{self.name} selects no node; expected a mask that does"
             )
         return mask
 

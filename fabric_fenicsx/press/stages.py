@@ -37,13 +37,13 @@ class Stage(KnowsItsFields):
     name: str = ""
     moves: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
     close: float | None = quantity(
-        None, POSITIVE, "distance to which tools with a die close [thicknesses of the blank]"
+        None, POSITIVE, "final distance between tools and their dies [thicknesses of the blank]"
     )
     forces: Mapping[str, float] = field(default_factory=dict)
     pressures: Mapping[str, float] = field(default_factory=dict)
     leave: Sequence[str] = ()
     steps: int = quantity(20, COUNT, "load steps")
-    unload: bool = flag("take all tools and holders away, allowed in the last stage")
+    unload: bool = flag("remove all tools and holders; only in the last stage")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -80,7 +80,7 @@ class Schedule:
         self.unloads = bool(stages[-1].unload)
         forming = stages[:-1] if self.unloads else stages
         if not forming or any(stage.unload for stage in forming):
-            flaw = "stage needs one or more stages that form, as [[stage]]"
+            flaw = "stage needs at least one forming stage, [[stage]]"
             raise InputError(f"{flaw}; `unload` is allowed only in the last")
         self.stages = [replace(s, name=s.name or f"stage {k}") for k, s in enumerate(forming, 1)]
         self.steps = sum(stage.steps for stage in self.stages)
@@ -97,8 +97,8 @@ class Schedule:
             self._add(stage, f"stage.{stage.name.removeprefix('stage ')}")
         for name in tools:
             if min(gone := self._gone(name)) < 0 and max(gone) <= 0:
-                flaw = f"tools.{name} only moves away from the blank"
-                raise InputError(f"{flaw}; allowed are numbers above 0 in `moves`, towards it")
+                flaw = f"tools.{name} moves only away from the blank"
+                raise InputError(f"{flaw}; expected numbers above 0 in `moves`, towards it")
 
     def _add(self, stage, label):
         flaws = list[str]()

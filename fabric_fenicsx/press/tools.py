@@ -1,4 +1,4 @@
-"""The tools of a press as data: what each is, and where it stands before anything moves."""
+"""The tools of a press as data: what each is, and where it stands before the first step."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -68,9 +68,7 @@ class PressTool(KnowsItsFields):
     """
 
     surface: Surface | str | DieOf
-    side: str = choice(
-        "below", ("below", "above"), "below or above the blank, which is then up or down"
-    )
+    side: str = choice("below", ("below", "above"), "below or above the blank")
     at: Sequence[float] | None = None
     start_distance: float | None = quantity(
         None,
@@ -80,12 +78,14 @@ class PressTool(KnowsItsFields):
     )
     turn: Sequence[float] = (0.0, 0.0, 0.0)
     force: float | None = quantity(
-        None, POSITIVE, "towards the whole blank from the start (none: stages move the tool) [N]"
+        None, POSITIVE, "initial force towards the whole blank (none: stages move the tool) [N]"
     )
     friction: float | Field | None = quantity(
-        None, of_place(FROM_ZERO, "xyz"), "coefficient to the blank (that of the `Interface`)"
+        None,
+        of_place(FROM_ZERO, "xyz"),
+        "friction coefficient with the blank (that of the `Interface`)",
     )
-    chord: float = quantity(0.1, POSITIVE, "largest distance of triangles from a CAD model [mm]")
+    chord: float = quantity(0.1, POSITIVE, "maximum distance of triangles from a CAD model [mm]")
     body: int | Sequence[int] | None = None
 
     def __post_init__(self) -> None:
@@ -100,9 +100,9 @@ class PressTool(KnowsItsFields):
             object.__setattr__(self, "body", Several(COUNT).check("`body`", self.body))
         if not isinstance(self.surface, (Surface, str, os.PathLike, DieOf)):
             flaw = f"`surface` is {repr_short(self.surface)}"
-            raise InputError(f"{flaw}; allowed is a surface, a file's name, or `DieOf` a tool")
+            raise InputError(f"{flaw}; expected a surface, a file's name, or `DieOf` a tool")
         if self.start_distance is not None and len(self.at or ()) == 3:
-            raise InputError("`start_distance` is not allowed beside a z in `at`")
+            raise InputError("`start_distance` is not allowed together with z in `at`")
 
     @property
     def towards(self) -> np.ndarray:

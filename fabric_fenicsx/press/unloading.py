@@ -81,7 +81,7 @@ def _kept(scene, keep):
     names = [support.name for support in scene.supports]
     if lost := [name for name in keep if name not in names]:
         raise InputError(
-            f"`keep` names {lost[0]!r}; allowed are supports of the scene: {', '.join(names)}"
+            f"`keep` contains {lost[0]!r}; expected supports of the scene: {', '.join(names)}"
         )
     planes = [*planes_of_symmetry(scene.blank, scene.supports).values()]
     return [each for each in scene.supports if each in planes or each.name in keep]

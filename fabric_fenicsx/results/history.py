@@ -63,8 +63,8 @@ class History:
         if self.rows and (other := row.keys() ^ self.rows[0].keys()):
             some = "no longer" if other & self.rows[0].keys() else "now"
             raise InputError(
-                f"at load {rounded(accepted.load, 6)} the terms {some} give history.csv the column "
-                f"{sorted(other)[0]}; allowed are the same columns in `history` each time"
+                f"at load {rounded(accepted.load, 6)} the terms {some} return the column "
+                f"{sorted(other)[0]} of history.csv; expected the same columns in each `history`"
             )
         self._append(row)
 
@@ -112,6 +112,6 @@ def viscous_warning(rows: Sequence[Numbers], load: float) -> str:
         return ""
     at = f"at load {rounded(load, 6)} (step {len(rows) - 1})"
     return (
-        f"{at} the regularisation has taken {percent(shares[-1])} of the strain energy; take "
-        "smaller steps (`max_step`) or look for a snap there"
+        f"{at} the regularisation took {percent(shares[-1])} of the strain energy; use "
+        "smaller steps (`max_step`) or check for a snap there"
     )

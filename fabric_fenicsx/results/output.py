@@ -173,28 +173,28 @@ class Output:
         is_first = not self.parts
         if self.resume and is_first and not self.owned.names("checkpoint.npz"):
             flaw = f"`resume=True` finds no checkpoint in {path}"
-            raise InputError(f"{flaw}; allowed is the `out` of a run that was begun")
+            raise InputError(f"{flaw}; expected the `out` of an earlier run")
         if others := self.owned.others(part, self.resume):
-            flaw = f"`out` {self.path} holds inputs, or what no run of it wrote"
-            raise InputError(f"{flaw}: {', '.join(others)}; allowed is another folder")
+            flaw = f"`out` {self.path} holds inputs, or files that no run of it wrote"
+            raise InputError(f"{flaw}: {', '.join(others)}; expected another folder")
         try:
             path.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=path).close()
         except OSError as error:
             flaw = f"`out` {path} can't be written to ({error.strerror})"
-            raise InputError(f"{flaw}; allowed is a folder that can be made") from None
+            raise InputError(f"{flaw}; expected a folder that can be created") from None
         if not is_first:
             return self.owned.note(part)
         if not (lock := lock_folder(self.path)):
-            allowed = "another folder, or this one when that run has ended"
-            raise InputError(f"`out` {self.path} is in use by another run; allowed is {allowed}")
+            allowed = "another folder, or wait until that run has ended"
+            raise InputError(f"`out` {self.path} is in use by another run; expected {allowed}")
         self._open.enter_context(lock)
         old = self.owned.names("summary.json", "history.csv", "checkpoint.npz")
         if old and not (self.resume or self.overwrite):
             self._open.close()
             found = f"`out` {self.path} holds results ({old[0]})"
-            allowed = "`resume=True` to go on with them, `overwrite=True` to lose them"
-            raise InputError(f"{found}; allowed is another folder, {allowed}")
+            allowed = "`resume=True` to continue, `overwrite=True` to delete them"
+            raise InputError(f"{found}; expected another folder, {allowed}")
         if not self.resume:
             self.owned.remove()
         self.owned.note("", part)

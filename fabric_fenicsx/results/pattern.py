@@ -56,7 +56,7 @@ def placed(trim: Plane | Sequence[np.ndarray], frame: Frame) -> Plane | Sequence
             frame.outside(np.array(trim.point)).tolist(), (frame.axes @ trim.normal).tolist()
         )
     if (plan := trim[0].shape[1]) == 2 and abs(frame.axes[2, 2]) < 1 - 1e-12:
-        raise InputError("the trim line has no z, but the tool is tilted; allowed is one with z")
+        raise InputError("the trim line has no z, but the tool is tilted; use one with z")
     return [frame.outside(np.pad(x, ((0, 0), (0, 3 - plan))))[:, :plan] for x in trim]
 
 
@@ -126,7 +126,7 @@ def _beside(ply, plane):
     if not height.min() < 0 < height.max():
         lies = f"which lies from {rounded(height.min())} to {rounded(height.max())} mm before it"
         flaw = f"the plane at {coordinates(plane.point)} mm does not cut the ply, {lies}"
-        raise InputError(f"{flaw}; allowed is a plane through the ply")
+        raise InputError(f"{flaw}; expected a plane through the ply")
     flat = grid_of(ply.x, ply.cells, ply.u)
     flat.cell_data.update(ply.fields)
     flat.point_data["height"] = height
@@ -179,8 +179,8 @@ def _below(ply, points, reach):
     low, high = np.full(len(points), np.inf), np.full(len(points), -np.inf)
     np.minimum.at(low, point, height)
     np.maximum.at(high, point, height)
-    folded, flaw = high - low, "the ply lies {} mm above itself"
-    _refuse(flaw, points, folded, folded > reach, "a trim line with z where it does")
+    folded, flaw = high - low, "the ply overlaps itself, {} mm apart"
+    _refuse(flaw, points, folded, folded > reach, "a trim line with z there")
     _, first = np.unique(point, return_index=True)
     return (shares[first, :, None] * ply.x[ply.cells[cells[first]], :2]).sum(1), 0.0
 
@@ -191,7 +191,7 @@ def _refuse(flaw, points, size, wrong, allowed):
     if wrong.any():
         worst = (size * wrong).argmax()
         words = f"{flaw.format(rounded(size[worst]))} at {coordinates(points[worst])} mm"
-        raise InputError(f"{words}; allowed is {allowed}")
+        raise InputError(f"{words}; expected {allowed}")
 
 
 def _shares(corners, points):

@@ -211,14 +211,14 @@ def fabric_doubts(result: Result) -> list[Reason]:
         if share > 0.01:
             loses = "" if lost is None else f"; a yarn loses up to {rounded(lost)} mm of its length"
             words = (
-                f"compression shortens yarns of {name} by up to {percent(most, 3)}, as at {place}, "
+                f"yarns of {name} are shortened by up to {percent(most, 3)}, e.g. at {place}, "
                 f"and by more than {percent(SHORTENED, 6)} in {percent(share, 3)} of the area"
-                f"{loses}. The law stores as shortening what a real ply folds into wrinkles"
+                f"{loses}. A real ply would wrinkle there"
             )
             if length := shortest_wave_of(result.scene, part):
                 words += (
-                    f". At {percent(SHORTENED, 6)} no wave shorter than {rounded(length)} mm forms,"
-                    " on any mesh: stiffness in bending and in compression decide that"
+                    f". At {percent(SHORTENED, 6)} no wave shorter than {rounded(length)} mm forms"
+                    " on any mesh: this depends on the stiffness in bending and in compression"
                 )
                 fabric = fabric_of(result.scene, part)
                 if fabric and "d" in fabric.assumed_values():
@@ -227,10 +227,10 @@ def fabric_doubts(result: Result) -> list[Reason]:
         if crumples(found):
             words = (
                 f"cells of {name} crumple in {percent(found[share_name(CRUMPLED)])} of its area, "
-                f"as at {place}, where yarns are shortened by {percent(most)}: the largest shear "
+                f"e.g. at {place}, where yarns are shortened by {percent(most)}: the largest shear "
                 f"angle, {rounded(found['shear_angle_max_deg'])} deg at "
-                f"{of_sheet(found['shear_angle_max_at_mm'])}, depends on mesh and contact; 99 % of "
-                f"the area stay below {rounded(found['shear_angle_99_percent_deg'])} deg"
+                f"{of_sheet(found['shear_angle_max_at_mm'])}, depends on mesh and contact; the 99th"
+                f" percentile is {rounded(found['shear_angle_99_percent_deg'])} deg"
             )
             doubts.append(Reason(words, of="shear_angle_max"))
     return doubts
@@ -251,8 +251,8 @@ def waves_that_do_not_form(scene: Scene) -> list[str]:
     parts = scene.blank.parts.values() or [scene.blank.whole]
     lengths = {p.name or scene.blank.name: shortest_wave_of(scene, p) for p in parts}
     return [
-        f"no wrinkle of {name} shorter than {rounded(length)} mm can form, as its stiffness in "
-        "bending and in compression have it: measure both, if wrinkles are asked for"
+        f"no wrinkle of {name} shorter than {rounded(length)} mm can form with its stiffness in "
+        "bending and in compression: measure both if wrinkles matter"
         for name, length in lengths.items()
         if length and 60.0 < length < np.inf
     ]

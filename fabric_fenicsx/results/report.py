@@ -13,7 +13,7 @@ from ..core.formatting import rounded, with_error
 HEADLINES = {
     "reaction_N": "force [N]",
     "shear_angle_max_deg": "largest shear angle [deg]",
-    "shear_angle_99_percent_deg": "shear angle, 99 % of the area below [deg]",
+    "shear_angle_99_percent_deg": "shear angle, 99th percentile [deg]",
     "shortening_max": "largest shortening of yarns [-]",
     "draw_in.largest_mm": "largest draw-in [mm]",
     "wrinkles.height_mm": "largest height of wrinkles [mm]",
@@ -21,15 +21,15 @@ HEADLINES = {
 # picture -> what it shows, in the order of a report
 CAPTIONS = {
     "formed": "The formed ply: magnitude of the shear angle, and yarns",
-    "curve": "Force over displacement; a band is its estimated error",
-    "maps": "Logarithmic strains, and shear angle (negative where that from yarns a to b grows)",
+    "curve": "Force against displacement; the band is the estimated error",
+    "maps": "Logarithmic strains, and shear angle (negative where the angle from a to b increases)",
     "axis": "Magnitude of the shear angle along the strip's axis",
     "compare": "Variants of the couplings: strains and shear angle",
-    "compare_curves": "Variants of the couplings: reaction over displacement",
-    "setup": "Tools and flat blank before anything moves; arrows are as long as the motions",
+    "compare_curves": "Variants of the couplings: reaction against displacement",
+    "setup": "Tools and flat blank before the first step; arrows show the motions to scale",
     "states": "Strain states: which yarns are in tension, which in compression",
-    "wrinkles": "Wrinkles: height of the waves of the ply, where no tool is near",
-    "shortening": "Shortening of yarns by compression, where a real ply wrinkles",
+    "wrinkles": "Wrinkles: height of waves away from tools",
+    "shortening": "Shortening of yarns by compression, where a real ply would wrinkle",
     "thickness": "Thickness of the plies under the pressure on them",
     "paths": "Strains and shear angle along paths from the centre",
     "error": "Estimated errors of strains and shear angle, from a coarser mesh",
@@ -40,16 +40,16 @@ WORDS = {
     "log_eps_22": "logarithmic strain along yarns b",
     "eps_a": "nominal strain along yarns a",
     "eps_b": "nominal strain along yarns b",
-    "assumed": "numbers that no test has determined",
-    "energy_imbalance": "difference of work and energies, over these",
+    "assumed": "parameters that no test has determined",
+    "energy_imbalance": "difference of work and energies, relative to these",
     "kernel_mismatch": "difference of stresses of elements and of the kernel",
-    "contact_forces_N": "contact forces on what is modelled N",
+    "contact_forces_N": "contact forces on the modelled part N",
     "penetration_mm": "penetration of tools in the last state mm",
     "penetration_largest_mm": "penetration of tools, largest of the run mm",
     "penetration_of_thickness": "penetration of tools, largest of the run, over the thickness",
-    "stability_ellipticity_min": "least ellipticity of the law (negative: it allows bands)",
+    "stability_ellipticity_min": "minimum ellipticity of the law (negative: it allows bands)",
     "cells_that_lost_ellipticity": "cells in which the law allows bands",
-    "share_of_state_1_to_4": "area shares: both yarns in tension, a alone, b alone, none",
+    "share_of_state_1_to_4": "area shares: both yarns in tension, only a, only b, none",
 }
 
 
@@ -98,8 +98,8 @@ def label(name: str) -> str:
     """The name of a number as a reader would write it: "punch force [N]"."""
     longest = max((word for word in WORDS if name.startswith(word)), key=len, default="")
     text = WORDS.get(longest, "") + name.removeprefix(longest)
-    text = text.replace("_98_percent", ", without 1 % of the area at either end")
-    text = text.replace("_99_percent", ", which 99 % of the area stay below")
+    text = text.replace("_98_percent", ", 1st and 99th percentile")
+    text = text.replace("_99_percent", ", 99th percentile")
     if found := re.search(r"[_ ](N_per_mm\d?|Nmm|MPa|MiB|deg|mm|N)$", text):
         unit = re.sub(r"(\d)", r"^\1", found[1].replace("_per_", "/").replace("Nmm", "N mm"))
         return f"{text[: found.start()].replace('_', ' ')} [{unit}]"

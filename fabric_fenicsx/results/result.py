@@ -94,7 +94,7 @@ class Result:
             name = tool if isinstance(tool, str) else tool.name
             known = ", ".join(each.name for each in tools) or "it has none"
             raise InputError(
-                f"the scene has {len(asked) or 'no'} tools {name!r}; allowed is one of its own "
+                f"the scene has {len(asked) or 'no'} tools {name!r}; expected one of its own "
                 f"tools, or the name of one alone: {known}"
             )
         return output.tool_force(scene, asked[0])

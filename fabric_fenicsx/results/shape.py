@@ -82,7 +82,7 @@ def _found(ply, place, name):
     cell_at = plan.get_trifinder()
     if (cell := int(cell_at(*place))) < 0:
         flaw = f"{name}, {coordinates(place)} mm, is not on the flat sheet"
-        raise InputError(f"{flaw}; allowed is a place on it")
+        raise InputError(f"{flaw}; expected a place on it")
     return plan, cell_at, cell
 
 

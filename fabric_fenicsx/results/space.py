@@ -50,8 +50,8 @@ def drawing() -> Iterator[pyvista.Plotter]:
     """A plotter without a window. Raises InputError where VTK finds nothing to draw on."""
     # from 9.4 on it draws without a screen, by EGL
     if not os.environ.get("DISPLAY") and pyvista.vtk_version_info < (9, 4):
-        flaw = "this VTK draws on a screen only"
-        raise InputError(f"{flaw}; allowed is `xvfb-run -a` before the command, or --no-pictures")
+        flaw = "this VTK needs a display"
+        raise InputError(f"{flaw}; expected `xvfb-run -a` before the command, or --no-pictures")
     verbosity = vtkLogger.GetCurrentVerbosityCutoff()
     # VTK warns of no screen before it does without
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
@@ -328,9 +328,9 @@ def _exporter():
         from trame_vtk.modules.vtk import serializers
         from trame_vtk.tools.vtksz2html import write_html
     except ImportError:
-        missing = "a page for a browser needs the package trame-vtk, which is not installed"
+        missing = "a web page needs the package trame-vtk, which is not installed"
         allowed = "`pip install 'fabric_fenicsx[view]'` first"
-        raise InputError(f"{missing}; allowed is {allowed}") from None
+        raise InputError(f"{missing}; expected {allowed}") from None
 
     def serialized(plotter):
         """The scene, and the arrays that it names."""

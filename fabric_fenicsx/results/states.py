@@ -46,7 +46,7 @@ def states(folder: Path | str) -> list[State]:
     """All states in the results `folder`. Raises InputError where there are none."""
     folder = Path(folder)
     if not (folder / "fields.pvd").is_file():
-        raise InputError(f"{folder} has no fields.pvd; allowed is the folder of a run's results")
+        raise InputError(f"{folder} has no fields.pvd; expected the folder of a run's results")
     loads = pyvista.PVDReader(folder / "fields.pvd").time_values
     return [State(folder, float(load)) for load in loads]
 

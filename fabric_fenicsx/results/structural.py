@@ -80,7 +80,7 @@ def export(
     writers |= {".bdf": _nastran, ".nas": _nastran}
     if ending(path) not in (".vtu", *writers):
         allowed = f".vtu, {', '.join(writers)} (VTK, Abaqus, LS-DYNA, Nastran)"
-        raise InputError(f"the ending of {path} is unknown; allowed are {allowed}")
+        raise InputError(f"the extension of {path} is unknown; expected {allowed}")
     plies = {name: in_frame(formed_ply(g, modelled), frame) for name, g in grids.items()}
     if ending(path) == ".vtu":
         units = dict.fromkeys(("yarn_a", "yarn_b", "normal", "area_ratio", "part"), "-")
@@ -95,7 +95,7 @@ def export(
     unknown = [name or "the ply" for name, ply in plies.items() if "thickness" not in ply.fields]
     if unknown and ending(path) != ".inp":
         flaw = f"the thickness of {unknown[0]} is not known, which {path} needs"
-        raise InputError(f"{flaw}; allowed are results of a run with tools, or .inp and .vtu")
+        raise InputError(f"{flaw}; expected results of a run with tools, or .inp and .vtu")
     replace_file(path, "".join(writers[ending(path)](plies)))
     return plies
 

@@ -41,8 +41,8 @@ def check_held(blank: Blank, terms: Sequence[Term], supports: FixedDofs) -> str:
         if flat and not by_shapes:
             return (
                 f"nothing but the shapes of tools without friction holds {blank.name}, which may "
-                f"{free} until it is formed: steps are slow till then and may fail; friction, or "
-                "supports that only locate it (`Support(..., locates=True)`), would hold it"
+                f"{free} until it is formed: until then steps are slow and may fail; add friction "
+                "or supports that only locate it (`Support(..., locates=True)`)"
             )
         free = by_shapes
     if free:
@@ -50,7 +50,7 @@ def check_held(blank: Blank, terms: Sequence[Term], supports: FixedDofs) -> str:
         raise InputError(
             f"the supports ({names}) leave {blank.name} free to {free}"
             + (", which contact without friction does not resist" if smooth else "")
-            + "; allowed are supports, or a term's `resists`, that hold every rigid motion"
+            + "; expected supports, or a term's `resists`, that prevent all rigid motions"
             + (", or friction, as `Contact(tool, friction=0.25)`" if smooth else "")
         )
     return ""

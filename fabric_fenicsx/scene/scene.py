@@ -314,8 +314,8 @@ def recall(term: Term, number: int, memory: dict[str, np.ndarray]) -> None:
             lost.append(key)
     if lost := term.blank.mesh.comm.allreduce(lost):
         raise InputError(
-            f"`recall` of term {term.name} leaves {lost[0]} other than it was given; allowed is to "
-            "take back all that `memory` and `cell_memory` give"
+            f"`recall` of term {term.name} does not restore {lost[0]}; it must restore all that "
+            "`memory` and `cell_memory` return"
         )
 
 

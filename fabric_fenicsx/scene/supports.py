@@ -36,7 +36,7 @@ class Support:
         The support only keeps the sheet from moving as a rigid body and should bear nothing. It is
         dropped from a single sheet as soon as friction of tools holds that. Otherwise a run warns
         if such supports bear more than 0.5 % of all forces on nodes from outside, added up by size,
-        and is not believed beyond `Limits.located`.
+        and is not valid beyond `Limits.located`.
 
     Examples
     --------
@@ -118,7 +118,7 @@ def _ends(blank, stroke, components):
         if held < 0.5 * (high - low)[1]:
             raise InputError(
                 f"the {name} end of {blank.name} along its length can be gripped over "
-                f"{rounded(held, 4)} of {rounded((high - low)[1], 4)} mm; allowed is a straight "
+                f"{rounded(held, 4)} of {rounded((high - low)[1], 4)} mm; expected a straight "
                 "end, half the width or more"
             )
 
@@ -197,10 +197,10 @@ class FixedDofs:
             owned, flaw = nodes[nodes < self._owned], ""
             if not set(support.components) <= set(range(self._gdim)):
                 in_space = ", or 2 on a blank made with `spatial=True`" if self._gdim == 2 else ""
-                allowed = f"allowed are those from 0 to {self._gdim - 1}{in_space}"
+                allowed = f"expected those from 0 to {self._gdim - 1}{in_space}"
                 flaw = f"the components {support.components} of {blank.name}; {allowed}"
             elif blank.mesh.comm.allreduce(len(owned)) == 0:
-                flaw = f"no node of {blank.name}; allowed are 1 or more"
+                flaw = f"no node of {blank.name}; expected 1 or more"
             if flaw:
                 raise InputError(f"support {support.name} holds {flaw}")
             self._nodes.append(nodes)
@@ -242,7 +242,7 @@ class FixedDofs:
         internal ones of all degrees of freedom. Raises InputError for an unknown name."""
         if name not in self.dofs_of:
             known = ", ".join(self.dofs_of)
-            raise InputError(f"support {name!r} is not of this scene; allowed are {known}")
+            raise InputError(f"support {name!r} is not of this scene; expected {known}")
         return self.blank.mesh.comm.allreduce(forces.array[self.dofs_of[name]].sum(0), MPI.SUM)
 
     def memory(self) -> np.ndarray:
@@ -277,8 +277,8 @@ class FixedDofs:
             f"{k} {rounded(force)} N" for k, force in located.items() if force > most
         )
         return forces and (
-            f"supports that should only keep the sheet in its place bear {forces}, "
-            f"{percent(self.located_share(sizes))} of all forces, as sheet, yarns or tools are "
-            "not symmetric: the formed shape depends on them; friction of a blank holder or of "
-            "tools would hold the sheet without them"
+            f"supports that should only locate the sheet carry {forces}, "
+            f"{percent(self.located_share(sizes))} of all forces, because sheet, yarns or tools "
+            "are not symmetric: the formed shape depends on them; use friction of a blank holder "
+            "or of tools instead"
         )

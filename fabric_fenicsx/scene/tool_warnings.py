@@ -35,7 +35,7 @@ def tool_warnings(scene: Scene, formed: bool = False) -> list[str]:
     for term in scene.terms:
         if isinstance(term, ToolContactTerm) and term.coulomb:
             mu, name = term.coulomb.largest, term.tool.name
-            much = f"friction on {name} has a coefficient of {mu:g}, which is much: 25 % is 0.25"
+            much = f"friction on {name} has a coefficient of {mu:g}, which is large: 25 % is 0.25"
             sentences += [much] if MAX_FRICTION < mu < np.inf else []
     size = float(scene.blank.sides().max())
     for tool in tools:
@@ -58,8 +58,8 @@ def few_cells_warning(scene: Scene) -> str:
     along = float(sides.max()) / _cell_length(blank)
     if along >= MIN_CELLS or not output.tools(scene):
         return ""
-    few = f"{rounded(along)} cells reach along the whole of {blank.name}"
-    return f"{few}, which tell neither forces nor shape; take {2 * MIN_CELLS} or more"
+    few = f"{rounded(along)} cells cover the whole length of {blank.name}"
+    return f"{few}, too few for forces and shape; use {2 * MIN_CELLS} or more"
 
 
 def _cell_length(blank):
@@ -106,6 +106,6 @@ def untouched_warning(scene: Scene) -> str:
         if contacts and moved and tool not in touched:
             gap = min(float(each.gap().min(initial=math.inf)) for each in contacts)
             away = rounded(round(scene.comm.allreduce(gap, MPI.MIN), 9))
-            texts.append(f"{tool.name} moved by {rounded(moved)} mm, and is still {away} mm off")
-    words = "; ".join([*texts, "check its path and its surface"])
+            texts.append(f"{tool.name} moved by {rounded(moved)} mm, and is still {away} mm away")
+    words = "; ".join([*texts, "check its path and surface"])
     return f"a tool never touched the sheet: {words}" if texts else ""

@@ -93,7 +93,7 @@ class Blank(SheetMesh):
         """The part of that name, "" for all of the blank. Raises InputError if there is none."""
         if name and name not in self.parts:
             known = ", ".join(self.parts) or "none, as it is one sheet"
-            raise InputError(f"{self.name} has no part {name!r}; allowed is one of {known}")
+            raise InputError(f"{self.name} has no part {name!r}; expected one of {known}")
         return self.parts[name] if name else self.whole
 
     def divide(self, patches: Mapping[str, Callable[[np.ndarray], np.ndarray]], rest: str) -> None:
@@ -106,13 +106,13 @@ class Blank(SheetMesh):
         sizes = [mask.sum() for mask in (count == 0, count > 1, *masks.values())]
         others, shared, *cells = self.mesh.comm.allreduce(np.array(sizes))
         if self.parts:
-            known = f"{self.name} has parts {', '.join(self.parts)} already"
-            raise InputError(f"{known}; allowed is one division")
+            known = f"{self.name} already has parts {', '.join(self.parts)}"
+            raise InputError(f"{known}; divide it only once")
         if shared:
-            raise InputError(f"patches of {self.name} overlap; allowed is one for each cell")
+            raise InputError(f"patches of {self.name} overlap; expected one for each cell")
         if 0 in cells:
             empty = f"patch {list(masks)[cells.index(0)]} of {self.name} has no cells"
-            raise InputError(f"{empty}; allowed are one or more")
+            raise InputError(f"{empty}; expected one or more")
         for name, mask in (masks | ({rest: count == 0} if others else {})).items():
             self.parts[name] = Part(self, name, np.flatnonzero(mask), orthogonal=self.orthogonal)
 

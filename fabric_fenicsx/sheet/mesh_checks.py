@@ -96,16 +96,16 @@ def checked_mesh(
 def _flaw(points, cells, kind):
     """What makes arrays no mesh."""
     if kind not in CELLS:
-        return f"holds cells of kind {kind}; allowed are {sorted(CELLS)}"
+        return f"holds cells of kind {kind}; expected {sorted(CELLS)}"
     if len(cells) == 0:
-        return "is empty: it holds 0 cells; allowed is 1 or more"
+        return "is empty: it holds 0 cells; expected 1 or more"
     if cells.shape[1:] != (nodes := len(CELLS[kind].nodes),):
-        return f"has cells of {cells.shape[1:]} nodes; allowed are {nodes} for a {kind}"
+        return f"has cells of {cells.shape[1:]} nodes; expected {nodes} for a {kind}"
     last = len(points) - 1
     for k in np.flatnonzero((cells < 0).any(1) | (cells > last).any(1))[:1]:
-        return f"has a cell, number {k}, with nodes {cells[k].tolist()}; allowed are 0 to {last}"
+        return f"has a cell, number {k}, with nodes {cells[k].tolist()}; expected 0 to {last}"
     if (bad := cells[~np.isfinite(points[cells]).all(2)]).size:
-        return f"has a coordinate that is not a number at node {bad.min()}; allowed are lengths"
+        return f"has a coordinate that is not a number at node {bad.min()}; expected lengths"
     return ""
 
 
@@ -123,15 +123,15 @@ def _torn(x, cells, how):
         numbers = of[first : first + shared[first]].tolist()
         place = at_place(x[ends[first]].mean(0))
         flaw = f"has an edge {place} that {len(numbers)} cells share, numbers {str(numbers)[1:-1]}"
-        return f"{flaw}; allowed are 2 cells or, at the rim, 1", None, None
+        return f"{flaw}; expected 2 cells or, at the rim, 1", None, None
     parts, part = connected(len(cells), of[shared == 2].reshape(-1, 2).T)
     if parts > 1:
         one, other = (
             f"one with cell {cell} {at_place(x[corners[cell]].mean(0))}"
             for cell in (0, (part != part[0]).argmax())
         )
-        flaw = f"falls into {parts} parts that share no edge, {one}, {other}; allowed is one sheet,"
-        return f"{flaw} whose cells share nodes where they meet", None, None
+        flaw = f"consists of {parts} parts that share no edge, {one}, {other}; expected one sheet,"
+        return f"{flaw} whose neighbouring cells share nodes", None, None
     single = shared == 1
     rim, of = ends[single], of[single]
     if how.degree == 2:  # middle nodes of edges stand behind the corners, in the same order
@@ -158,11 +158,11 @@ def _hanging(x, ends, cells, near, numbers):
     for hit in np.flatnonzero((at > near) & (at < 1 - near) & (off < near))[:1]:
         where = f"number {numbers[node[hit]]} {at_place(x[node[hit]])}"
         flaw = f"has a hanging node, {where}: it lies on an edge of cell {cells[edge[hit]]}, which"
-        return f"{flaw} does not have it; allowed are cells that meet at whole edges", []
+        return f"{flaw} does not contain it; expected cells that share whole edges", []
     pairs = tree.query_pairs(1e-6 * length.mean(), output_type="ndarray")
     return "", [
         f"has {len(pairs)} nodes where another one lies, the first {at_place(x[nodes[first]])}: "
-        "the sheet is open there, a slit; merge these nodes if it should be whole"
+        "the sheet has a slit there; merge these nodes if it should not"
         for first in np.unique(pairs)[:1]
     ]
 
@@ -179,8 +179,8 @@ def _one_sense(x, cells, how):
     cells = cells.copy()
     cells[turn] = turned_over(cells[turn], how)
     return cells, [
-        f"has {turn.size} of {len(cells)} cells turned over, the first number {turn[0]} "
-        f"{at_place(corners[turn[0]].mean(0))}; they were turned to agree with the others"
+        f"has {turn.size} of {len(cells)} cells with reversed orientation, the first number "
+        f"{turn[0]} {at_place(corners[turn[0]].mean(0))}; they were reoriented"
     ]
 
 
@@ -194,7 +194,7 @@ def _bad_shape(x, cells, how):
     flat = np.flatnonzero((normals * mean[:, None]).sum(2).min(1) <= AREA_TOLERANCE * size**2)
     if flat.size:
         where = f"number {flat[0]} {at_place(corners[flat[0]].mean(0))}"
-        return f"has a degenerate or non-convex cell, {where}; allowed are cells with area"
+        return f"has a degenerate or non-convex cell, {where}; expected cells with area"
     if how.degree == 1:
         return ""
     kind, variant = getattr(basix.CellType, how.cell), basix.LagrangeVariant.equispaced
@@ -209,8 +209,8 @@ def _bad_shape(x, cells, how):
         for k in np.flatnonzero(areas.min(1) <= AREA_TOLERANCE * size[block] ** 2)[:1]:
             place = at_place(values[areas[k].argmin()] @ nodes[k])
             return (
-                f"has a cell, number {block[k]}, that its curved edges turn over inside, "
-                f"{place}; allowed is area everywhere"
+                f"has a cell, number {block[k]}, that its curved edges invert, "
+                f"{place}; expected a positive area everywhere"
             )
     return ""
 
@@ -235,7 +235,7 @@ def cut_open(
     if CELLS[kind].degree > 1 or abs(follows - lines.length) > 0.01 * lines.length:
         raise InputError(
             f"{source} has edges of straight cells along {rounded(follows)} of the "
-            f"{rounded(lines.length)} mm of `slits`; allowed are lines within the sheet along "
+            f"{rounded(lines.length)} mm of `slits`; expected lines within the sheet along "
             "edges, or an `outline`, whose cells follow them"
         )
     # corners of cells at one node are one as far as they meet in edges that are not cut

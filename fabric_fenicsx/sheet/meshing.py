@@ -50,13 +50,13 @@ def mesh_sheet(
             modelled = modelled_share(planes) * [getattr(sheet, name) for name in sides]
             blank = Blank.rectangle(**dict(zip(("length", "width"), modelled)), **how, **cells)
     if blank.mesh.geometry.dim == 3 and not spatial:
-        raise InputError(f"{source} is not plane in z; allowed is a sheet in a plane z = const")
+        raise InputError(f"{source} is not flat; expected a sheet in a plane z = const")
     kind = "P" if blank.around == [0, 1, 2] else "Q"
     if sheet.element and sheet.element[0] != kind:
         flaw = f"`element` {sheet.element} does not fit the cells of {source}"
-        raise InputError(f"{flaw}; allowed is P on triangles, Q on quadrilaterals")
+        raise InputError(f"{flaw}; expected P on triangles, Q on quadrilaterals")
     if (side := blank.sides().max()) > MAX_SIDE:
-        raise InputError(f"{source} is {rounded(side)} mm large; allowed is up to 1e6 mm")
+        raise InputError(f"{source} is {rounded(side)} mm large; expected up to 1e6 mm")
     doubts = [*blank.warnings, size_warning(blank, source)]
     integration = sheet.integration or "full"
     if not sheet.integration and blank.degree == 2 and blank.triangulated:
@@ -68,7 +68,7 @@ def mesh_sheet(
         usual = None, type(sheet).pattern
         if asked := ", ".join(f"`{name}`" for name in idle if getattr(sheet, name) not in usual):
             why = "has its own cells" if sheet.mesh else "has cells of one size"
-            doubts.append(f"{asked} changes nothing, as {source} {why}")
+            doubts.append(f"{asked} has no effect, because {source} {why}")
         values |= _own_sizes(sheet, sides, blank, planes) | dict.fromkeys(idle)
     return sheet.filled(**values), blank, [*filter(None, doubts)]
 
@@ -88,7 +88,7 @@ def size_warning(blank: Blank, source: str) -> str:
     if 20 <= blank.sides().max() <= 10_000:  # a few yarns, more than looms weave
         return ""
     sides = " x ".join(rounded(side, 4) for side in blank.sides())
-    return f"{source} is {sides} mm; lengths are in mm (metres times 1000, inches times 25.4)"
+    return f"{source} is {sides} mm; lengths must be in mm (metres times 1000, inches times 25.4)"
 
 
 def _own_sizes(sheet, names, blank, planes):
@@ -98,6 +98,6 @@ def _own_sizes(sheet, names, blank, planes):
         asked = sizes.setdefault(name, getattr(sheet, name) or size)
         if abs(asked - size) > SIZE_TOLERANCE * size:
             given = f"`{name}` {asked:g} does not fit {sheet.sheet_file}, of {size:g} mm"
-            raise InputError(f"{given}; allowed is its own, or none")
+            raise InputError(f"{given}; expected its own, or none")
         sizes[name] = size
     return sizes

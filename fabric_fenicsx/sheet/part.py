@@ -134,7 +134,7 @@ class Part:
         if mesh.comm.allreduce(len(sides), MPI.SUM) == 0:
             where = f"{self.name}, part of {self.blank.name}" if self.name else self.blank.name
             raise InputError(
-                f"the edge marks no side of {where}; allowed is a function of points (3, n) that "
+                f"the edge marks no side of {where}; expected a function of points (3, n) that "
                 "is true at both ends of some sides"
             )
         tags = meshtags(mesh, 1, sides, np.ones(len(sides), dtype=np.int32))

@@ -40,8 +40,8 @@ def declared_again(kind: type, name: str, **changes: object) -> Any:
 class Layout(KnowsItsFields):
     """Cells of a sheet and directions of its yarns."""
 
-    nx: int = quantity(None, COUNT, "rectangles along the length that is modelled", "mesh")
-    ny: int | None = quantity(None, COUNT, "rectangles across the width (square ones)", "mesh")
+    nx: int = quantity(None, COUNT, "rectangles along the modelled length", "mesh")
+    ny: int | None = quantity(None, COUNT, "rectangles across the width (default: squares)", "mesh")
     pattern: str = choice("crossed", PATTERNS, "how rectangles are divided into cells", "mesh")
     element: str | None = choice(
         None,
@@ -53,7 +53,7 @@ class Layout(KnowsItsFields):
     fibre_angle: float | Field = quantity(
         0.0, of_place(FULL_TURN), "from the length to yarns a [deg]", "mesh"
     )
-    yarn_angle: float = quantity(90.0, BELOW_180, "from yarns a to b as they lie [deg]", "weave")
+    yarn_angle: float = quantity(90.0, BELOW_180, "from yarns a to b in the flat [deg]", "weave")
     slits: Sequence[ArrayLike] = ()  # lines (n, 2) of the flat sheet as it is laid [mm]
 
     def __post_init__(self) -> None:
@@ -64,7 +64,7 @@ class Layout(KnowsItsFields):
             lines = [np.empty((0, 2))]
         if not all(len(x) > 1 and 0 < np.ptp(x, axis=0).max() < np.inf for x in lines):
             flaw = f"`slits` are {repr_short(self.slits)}"
-            raise InputError(f"{flaw}; allowed are lines [[x, y], [x, y], ...] in mm")
+            raise InputError(f"{flaw}; expected lines [[x, y], [x, y], ...] in mm")
         # tuples, so that sheets compare
         vars(self)["slits"] = tuple(tuple(map(tuple, x.tolist())) for x in lines)
 
@@ -105,21 +105,21 @@ class SheetFields(Layout):
     OF_OUTLINE: ClassVar[str] = "unstructured"  # default of `pattern` for an outline
 
     fabric: Law | None = field(kw_only=False, default=None, metadata={"read": load})
-    mesh: str | None = path(None, "cells of the sheet from a file [mm]", "FILE", "mesh")
+    mesh: str | None = path(None, "mesh file of the sheet [mm]", "FILE", "mesh")
     outline: str | None = path(
         None, "outline of the sheet with holes: DXF, CSV of x and y [mm], or a mesh", "FILE", "mesh"
     )
-    size: float = quantity(None, POSITIVE, "of cells in an outline (length / nx) [mm]", "mesh")
+    size: float = quantity(None, POSITIVE, "size of cells in an outline (length / nx) [mm]", "mesh")
     layer: str | None = path(None, "layers of a DXF outline, as `A,B` (all)", "NAME", "mesh")
     integration: str = choice(
         None,
         ("full", "inner"),
-        "points of P2: full, or inner: nearer to a cell's centre (of strips, where cells don't "
-        "follow the yarns)",
+        "integration points of P2: full, or inner, closer to the cell's centre (default for strips "
+        "whose cells do not follow the yarns)",
         "mesh",
     )
     temperature: float | Field | None = quantity(
-        None, of_place(FINITE), "of fabric that has numbers at temperatures [deg C]", "weave"
+        None, of_place(FINITE), "of fabric with parameters at temperatures [deg C]", "weave"
     )
     weave_angle: float | None = quantity(
         None, BELOW_180, "yarn angle without shear (that of the flat sheet) [deg]", "weave"
@@ -140,7 +140,7 @@ class SheetFields(Layout):
         pairs = "outline mesh", "nx size", "fabric metal", "temperature metal"
         needs = {"size": ["outline"], "layer": ["outline"], "centred": ["outline", "mesh"]}
         return [
-            f"`{one}` is given beside `{other}`; allowed is one of them"
+            f"`{one}` and `{other}` are both given; use one of them"
             for one, other in map(str.split, pairs)
             if given >= {one, other}
         ] + [
@@ -191,10 +191,10 @@ class YarnBending(KnowsItsFields):
 
     bending_modulus: float = quantity(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]")
     in_plane_bending: float = quantity(
-        0.0, FROM_ZERO, "stiffness of yarns against bending within the sheet, over that out of it"
+        0.0, FROM_ZERO, "in-plane bending stiffness of the yarns, relative to the out-of-plane one"
     )
     in_plane_stiffness: float = quantity(
-        0.0, FROM_ZERO, "stiffness of yarns against bending within the sheet, beside that [N mm]"
+        0.0, FROM_ZERO, "additional in-plane bending stiffness of the yarns [N mm]"
     )
 
     @property
@@ -250,23 +250,23 @@ class Sheet(SheetFields, YarnBending):
 
     metal: Metal | None = field(default=None, metadata={"read": load_metal})
     name: str = ""
-    length: float | None = quantity(None, POSITIVE, "of the whole sheet, along x [mm]")
-    width: float | None = quantity(None, POSITIVE, "of the whole sheet, along y [mm]")
+    length: float | None = quantity(None, POSITIVE, "length of the whole sheet, along x [mm]")
+    width: float | None = quantity(None, POSITIVE, "width of the whole sheet, along y [mm]")
     thickness: float | Field | None = quantity(
-        None, of_place(POSITIVE), "if not the material's [mm]"
+        None, of_place(POSITIVE), "thickness (that of the material) [mm]"
     )
-    centred: bool = flag("put the middle of an outline or mesh at the origin")
+    centred: bool = flag("move the centre of an outline or mesh to the origin")
     twist_modulus: float = quantity(1.0, FROM_ZERO, "twisting modulus of the sheet [MPa]")
     friction: float | Field | None = quantity(
         None,
         of_place(FROM_ZERO),
-        "coefficient to the next sheet above (Table 2 of Schäfer et al.: 0.334, beside metal 0.25)",
+        "friction coefficient with the next sheet above (0.334, next to metal 0.25)",
     )
 
     def _flaws(self):
         flaws = super()._flaws()
         if self.metal and isinstance(self.thickness, Field):
-            flaws.append("`thickness` of metal is a field; allowed is a number above 0")
+            flaws.append("`thickness` of metal is a field; expected a number above 0")
         return flaws
 
     def material(self, rigid: bool = False) -> Material:
@@ -290,8 +290,8 @@ class Sheet(SheetFields, YarnBending):
     def finer(self, times: float) -> Self:
         """The sheet with `times` as many cells along each side; InputError for a mesh's file."""
         if self.mesh:
-            allowed = "allowed is a rectangle or an outline, which the program meshes"
-            raise InputError(f"cells of {self.mesh} can't be made finer; {allowed}")
+            allowed = "expected a rectangle or an outline that the program meshes"
+            raise InputError(f"cells of {self.mesh} cannot be refined; {allowed}")
         return self._with_cells(times, lambda n: 2 * math.ceil(n / 2))
 
     def mirrored(self, planes: Iterable[int]) -> Self:

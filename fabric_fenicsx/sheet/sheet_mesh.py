@@ -50,7 +50,7 @@ class SheetMesh:
         self.frame = np.eye(gdim) if frame is None else np.asarray(frame, dtype=float)
         square = self.frame.shape == (gdim, gdim)
         if not (square and np.allclose(self.frame @ self.frame.T, np.eye(gdim), atol=1e-12)):
-            allowed = f"allowed are {gdim} orthonormal rows"
+            allowed = f"expected {gdim} orthonormal rows"
             raise InputError(f"frame of the blank is {self.frame.tolist()}; {allowed}")
         self._turned = not np.array_equal(self.frame, np.eye(gdim))
         # no numbers of the form, so that all angles share a compiled one
@@ -70,7 +70,7 @@ class SheetMesh:
         moved = not np.array_equal(self.mesh.geometry.x, self._made_at)
         if self.mesh.comm.allreduce(moved, MPI.LOR):
             flaw = f"the mesh of {self.name} was moved after the blank was made of it"
-            raise InputError(f"{flaw}; allowed is a blank of the moved mesh")
+            raise InputError(f"{flaw}; expected a blank of the moved mesh")
 
     @property
     def displacement(self) -> Expr:
@@ -176,8 +176,8 @@ class SheetMesh:
     def check_triangulated(self, what: str) -> None:
         """Raise InputError, on all ranks, unless `triangles` are all of the sheet's shape."""
         if not self.triangulated:
-            found = f"{what} of {self.name} is asked for on other cells"
-            raise InputError(f"{found}; allowed are P1, and P2 with straight sides")
+            found = f"{what} of {self.name} does not support these cells"
+            raise InputError(f"{found}; expected P1, and P2 with straight sides")
 
     def triangles(self, cells: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Local nodes of `u` at the corners of the flat triangles that contact and bending take
@@ -314,7 +314,7 @@ def _tangent(mesh, centre, normal, direction, name):
     function = direction if callable(direction) else lambda x: direction
     value = on_all(mesh.comm, lambda: np.asarray(function(centre.T), float))
     if value.ndim == 0 and abs(value) > 2 * np.pi:
-        allowed = "an angle in radians; allowed is from -2 pi to 2 pi"
+        allowed = "an angle in radians; expected from -2 pi to 2 pi"
         raise InputError(f"fibre direction {name} is {value:g}, {allowed}")
     if value.ndim < (2 if callable(direction) else 1):
         value = np.stack(np.broadcast_arrays(np.cos(value), np.sin(value)))
@@ -336,4 +336,4 @@ def _refuse(mesh, bad, centre, flaw):
     """Raise the same InputError on all ranks if any rank has a bad cell."""
     for place in np.concatenate(mesh.comm.allgather(centre[bad][:1].round(6))).tolist():
         where = f"in the cell at {tuple(place)} mm"
-        raise InputError(f"{flaw} {where}; allowed are directions in its tangent plane")
+        raise InputError(f"{flaw} {where}; expected directions in its tangent plane")

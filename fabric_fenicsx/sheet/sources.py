@@ -48,9 +48,7 @@ def rectangle(
         layout.nx * ny * (1 if cell[0] == "q" else {"left": 2, "right": 2}.get(layout.pattern, 4))
     )
     if count > MAX_CELLS:
-        raise InputError(
-            f"`nx` is {layout.nx}, `ny` {ny}: {_cost(count)}; allowed are {MAX_CELLS:,}"
-        )
+        raise InputError(f"`nx` is {layout.nx}, `ny` {ny}: {_cost(count)}; expected {MAX_CELLS:,}")
     axes, shift = axes_of(turned), middle * np.asarray(centred)
     start = np.array([planes.get(axis, 0.0) for axis in (0, 1)])
     yarns = _yarns(layout, (middle - shift) @ axes + start)
@@ -102,7 +100,7 @@ def outline(
 
 def _cost(cells):
     memory = rounded(12e-6 * cells)  # of P2 in a plane
-    return f"{rounded(cells)} cells, which take some {memory} GB of memory"
+    return f"{rounded(cells)} cells, which need about {memory} GB of memory"
 
 
 def _check_triangles(layout, what):
@@ -124,12 +122,12 @@ def read_mesh(path: Path | str) -> MeshArrays:
     if other := kinds.get(ending(path)):
         how = f": gmsh makes one with `gmsh -2 {path.name} -o {path.stem}.msh`"
         how = how if other == "a geometry" else ", or the file as `outline`"
-        raise InputError(f"{file} is {other} without a mesh; allowed is {READ}{how}")
+        raise InputError(f"{file} is {other} without a mesh; expected {READ}{how}")
     points, surface, others = read_surface_mesh(path, "mesh file")
     solid = sorted(kind for kind, dim in others.items() if dim == 3)
     if solid or len(surface) > 1 or not {*CELLS, "quad8"}.issuperset(surface):
         what = f"solid cells {solid}" if solid else f"cells {sorted(surface)}"
-        raise InputError(f"{file} holds {what}; allowed is one kind out of {sorted(CELLS)}")
+        raise InputError(f"{file} holds {what}; expected one kind out of {sorted(CELLS)}")
     ((kind, cells),) = surface.items()
     if kind == "quad8":
         # a node inside leaves the shape as it is
@@ -138,7 +136,9 @@ def read_mesh(path: Path | str) -> MeshArrays:
         points = np.vstack([points, middles.sum(1) / 2 - corners.sum(1) / 4])
         cells, kind = np.column_stack([cells, numbers]), "quad9"
     unused, total = len(points) - len(np.unique(cells)), len(points)
-    doubt = f"{file} has {unused} of {total} nodes in no cell of a sheet: it may be cut off"
+    doubt = (
+        f"{file} has {unused} of {total} nodes outside all cells of a sheet: it may be truncated"
+    )
     return MeshArrays(points, cells, kind, [doubt] if unused > 0.02 * total else [])
 
 
@@ -154,13 +154,11 @@ def moved_sheet(
     near, place = FLAT_TOLERANCE * (high - low).max(), f"z = {rounded(low[2], 4)}"
     if high[2] - low[2] > near:
         raise InputError(
-            f"{source} reaches from {place} to {rounded(high[2], 4)} mm; allowed is a flat sheet, "
+            f"{source} reaches from {place} to {rounded(high[2], 4)} mm; expected a flat sheet, "
             "in a plane z = const"
         )
     points[:, 2] = height
-    doubt = (
-        f"{source} lies in {place} mm and was put in z = {height:g}, where a press has its blank"
-    )
+    doubt = f"{source} lies in {place} mm and was moved to z = {height:g}, the plane of the blank"
     return points, [doubt] if abs(low[2] - height) > near else []
 
 
@@ -186,7 +184,7 @@ def outline_mesh(
     if size > (high - low).min() / 2 or cells > MAX_CELLS:
         sides = " x ".join(rounded(side, 4) for side in high - low)
         raise InputError(
-            f"`size` is {size:g}, but the outline is {sides} mm, about {_cost(cells)}; allowed is "
+            f"`size` is {size:g}, but the outline is {sides} mm, about {_cost(cells)}; expected "
             f"up to half of it, and {MAX_CELLS:,} cells"
         )
     # about its centre and without the last digits, as cells are not to depend on where it lies
@@ -197,8 +195,8 @@ def outline_mesh(
     places, sizes = _fine_places(sheet, size, notes, centre)
     if sheet.minimum_clearance < MIN_CLEARANCE * size:
         raise InputError(
-            f"the outline comes within {rounded(sheet.minimum_clearance)} mm of itself; allowed "
-            f"for cells of this size is above {rounded(MIN_CLEARANCE * size)} mm"
+            f"the outline comes within {rounded(sheet.minimum_clearance)} mm of itself; expected "
+            f"more than {rounded(MIN_CLEARANCE * size)} mm for cells of this size"
         )
 
     def size_at(x, y):
@@ -234,7 +232,7 @@ def _simplified(sheet, size, centre):
         x = shapely.get_coordinates(ring)[:-1]
         if (extent := np.ptp(x, axis=0).max()) < MIN_DETAIL * size:
             hole = f"a hole of {rounded(extent)} mm at {coordinates(x[0] + centre)} mm"
-            notes.append(f"{hole} is left out, as it is small beside the cells")
+            notes.append(f"{hole} is left out, because it is smaller than the cells")
             continue
         # where it begins it stays: at a corner
         rings.append(np.roll(x, -np.linalg.norm(x - x.mean(0), axis=1).round(6).argmax(), 0))
@@ -325,7 +323,7 @@ def _filled(faces, size_at, slits):
             points, triangles = meshed(gmsh, size_at=size_at)
         except Exception as error:  # it raises no other kind
             raise InputError(
-                f"gmsh cannot mesh the outline ({error}); allowed is one without spikes and cracks"
+                f"gmsh cannot mesh the outline ({error}); expected one without spikes and gaps"
             ) from None
     return points[:, :2], triangles
 

@@ -34,7 +34,7 @@ def specimen(
     """
     if pattern == "graded" and not blocks(length, width):
         raise InputError(
-            f"a strip of {length:g} x {width:g} mm is asked for in pattern graded; allowed is a "
+            f"a strip of {length:g} x {width:g} mm is too short for the pattern graded; expected a "
             "length of 2 widths or more"
         )
     if pattern in ("unstructured", "yarns"):

@@ -70,20 +70,20 @@ class Stack(Blank):
 def _flaw(blanks, names):
     """Why these sheets make no stack, and what is allowed; else ""."""
     if len(set(names)) < len(names) or not all(names):
-        return f"sheets of the stack are named {names}; allowed are different names"
+        return f"sheets of the stack have the names {names}; expected different names"
     kinds = {compat.cell_name(blank.mesh) for blank in blanks}
     if len(kinds) > 1:
-        return f"the stack has sheets of {sorted(kinds)}s; allowed is one kind of cells"
+        return f"the stack has sheets of {sorted(kinds)}s; expected one kind of cells"
     for blank, name in zip(blanks, names):
         where = f"sheet {name} of the stack"
         if blank.mesh.geometry.dim != 3 or not np.array_equal(blank.frame, np.eye(3)):
             flaw = "lies in a plane mesh or along turned axes"
-            return f"{where} {flaw}; allowed is a sheet in space (`spatial=True`)"
+            return f"{where} {flaw}; expected a sheet in space (`spatial=True`)"
         if not (blank.degree == 1 or blank.triangulated) or compat.geometry_degree(blank.mesh) > 1:
-            return f"{where} has other cells; allowed are P1, P2 and Q1, not curved"
+            return f"{where} has other cells; expected P1, P2 and Q1, not curved"
         height, size = blank.sides()[2], blank.sides().max()
         if height > 1e-9 * size:
-            return f"{where} is {rounded(height, 4)} mm high; allowed is a flat sheet, z = const"
+            return f"{where} is {rounded(height, 4)} mm high; expected a flat sheet, z = const"
     return ""
 
 

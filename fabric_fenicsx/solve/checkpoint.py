@@ -136,7 +136,7 @@ class Checkpoint:
                 arrays = {k: file[k] for k in file.files}
             checksum, meta = str(arrays.pop("checksum", "")), json.loads(str(arrays["meta"]))
             if (version := meta.get("format", 1)) != self.FORMAT:
-                raise ValueError(f"it is of format {version}; this version reads {self.FORMAT}")
+                raise ValueError(f"it has format {version}; this version reads {self.FORMAT}")
             if checksum != _checksum(arrays):
                 raise ValueError("its content has another checksum")
         except Exception as e:  # readers raise whatever their parsing stumbles on
@@ -151,7 +151,7 @@ class Checkpoint:
         )
         if memory is not None and (saved or meta["accepted"]) and saved != now:
             raise InputError(
-                f"{name} remembers {saved or 'nothing'} where the terms remember {now or 'nothing'}"
+                f"{name} has memory {saved or 'nothing'} where the terms have {now or 'nothing'}"
             )
         return meta, arrays, share
 
@@ -170,8 +170,8 @@ class Checkpoint:
                     now = now | {"stage": now["stage"][:count]}
             if (was := before.get(key)) != now:
                 raise InputError(
-                    f"checkpoint {self.path} was made with {key} = {was}, now it is {now}; take "
-                    "the same problem, or begin anew (`overwrite`)"
+                    f"checkpoint {self.path} was made with {key} = {was}, now it is {now}; use "
+                    "the same problem, or restart (`overwrite`)"
                 )
         return sum(known) / sum(steps) if added else 1.0
 

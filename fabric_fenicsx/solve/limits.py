@@ -9,18 +9,18 @@ from ..core.formatting import percent, rounded
 from ..core.rules import ABOVE_ZERO_OR_INF, POSITIVE
 from ..material.strains import CRUMPLED
 
-GROUP = "limits, beyond which a result is invalid (exit status 3)"  # of options
+GROUP = "limits of a valid result (else exit status 3)"  # of options
 SENTENCES = {
     "imbalance": "work of supports and tools differs from the energies by {} of these",
     "viscous": "regularisation took {} of the strain energy",
     "penetration": "the sheet is penetrated by {} of its thickness",
     "shear": "a cell is sheared by {}",
     "shear_99_percent": "1 % of the area is sheared by more than {}",
-    "fibre_share": "fibres fill {} of the volume, and round ones side by side 90.7 %",
+    "fibre_share": "fibres fill {} of the volume; parallel round fibres fill at most 90.7 %",
     "shortening": "compression shortens yarns by more than "
     f"{percent(CRUMPLED)} in {{}} of the area, where a real ply folds",
-    "cell_size": "cells are {} of the least radius of a touched tool",
-    "located": "supports that only locate the sheet bear {} of the forces on it",
+    "cell_size": "cells are {} of the smallest radius of a tool in contact",
+    "located": "supports that only locate the sheet carry {} of the forces on it",
 }
 EDGES = 1e-2  # of the area, in which yarns at singular points may be stretched further
 
@@ -37,25 +37,25 @@ class Limits:
     Examples
     --------
     >>> ff.Limits(viscous=0.1).exceeded({"viscous": 0.2, "imbalance": 0.01})
-    ['regularisation took 20 % of the strain energy; allowed is 10 % (`Limits.viscous`)']
+    ['regularisation took 20 % of the strain energy; the limit is 10 % (`Limits.viscous`)']
     """
 
-    imbalance: float = _limit(0.05, "difference between external work and energies, over these")
-    viscous: float = _limit(0.05, "energy that regularisation took, over the strain energy")
+    imbalance: float = _limit(0.05, "difference of external work and energies, relative to these")
+    viscous: float = _limit(0.05, "energy of the regularisation, relative to the strain energy")
     penetration: float = _limit(0.1, "penetration of tools into the sheet, over its thickness")
     strain: float = _limit(
-        0.1, "nominal strain of yarns in tension, but in 1 % of the area for singular points"
+        0.1, "nominal strain of yarns in tension, except in 1 % of the area (singular points)"
     )
-    shear: float = _limit(85.0, "largest shear angle of a cell of a sheet in space [deg]")
-    shear_99_percent: float = _limit(75.0, "shear angle that 99 % of its area stay below [deg]")
-    fibre_share: float = _limit(0.907, "fibre volume fraction of a cell, where it is known")
+    shear: float = _limit(85.0, "maximum shear angle of a cell of a sheet in space [deg]")
+    shear_99_percent: float = _limit(75.0, "99th percentile of the shear angle by area [deg]")
+    fibre_share: float = _limit(0.907, "fibre volume fraction of a cell, if known")
     shortening: float = _limit(
-        0.05, "area in which compression shortens yarns by more than 5 % (1: no limit)"
+        0.05, "share of the area where yarns are shortened by more than 5 % (1: no limit)"
     )
     cell_size: float = quantity(
-        math.inf, ABOVE_ZERO_OR_INF, "cells, over the least radius of a touched tool", GROUP
+        math.inf, ABOVE_ZERO_OR_INF, "cell size over the smallest radius of a tool", GROUP
     )
-    located: float = _limit(0.05, "forces of supports that only locate, over all from outside")
+    located: float = _limit(0.05, "share of supports that only locate in all external forces")
 
     def __post_init__(self) -> None:
         check_fields(self, "`Limits.{}`".format)
@@ -71,5 +71,5 @@ class Limits:
             text, bound = next((pair for pair in texts if pair[0] != pair[1]), texts[-1])
             if not value <= limit:
                 sentence = SENTENCES[name].format(text)
-                sentences.append(f"{sentence}; allowed is {bound} (`Limits.{name}`)")
+                sentences.append(f"{sentence}; the limit is {bound} (`Limits.{name}`)")
         return sentences

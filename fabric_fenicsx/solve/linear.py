@@ -46,7 +46,7 @@ def check_name(name: str) -> None:
     allowed = [each for each in LINEAR_SOLVERS if is_there(each)]
     if name not in allowed:
         why = ", and this PETSc has no hypre" if name in LINEAR_SOLVERS else ""
-        raise InputError(f"linear solver is {name!r}{why}; allowed are {', '.join(allowed)}")
+        raise InputError(f"linear solver is {name!r}{why}; expected {', '.join(allowed)}")
 
 
 def places(A: PETSc.Mat) -> float:

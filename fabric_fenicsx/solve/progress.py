@@ -11,9 +11,9 @@ class Termination(Enum):
     """Reasons for which Newton's method ends."""
 
     RESIDUAL = "converged: residual below the tolerance"
-    ROUNDING = "converged: what force is left is rounding"
+    ROUNDING = "converged: the residual force is rounding"
     CORRECTION = "converged: the correction is below the rounding of positions"
-    MOST = "ended: as many iterations as were asked for"
+    MOST = "ended: requested number of iterations"
     ITERATIONS = "no convergence within the allowed iterations"
     LINEAR_SOLVER = "the linear solver failed"
     LINE_SEARCH = "the line search found no state of lower energy"

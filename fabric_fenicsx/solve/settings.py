@@ -29,18 +29,18 @@ class Settings:
     steps: int = quantity(20, COUNT, "load steps", "solver")
     max_step: float | None = quantity(None, LOAD_FACTOR, "largest load step (1/steps)", "solver")
     tolerance: float = quantity(
-        1e-8, BELOW_ONE, "residual of the last state, over the forces on the sheet", "solver"
+        1e-8, BELOW_ONE, "residual of the last state, relative to the forces on the sheet", "solver"
     )
     path_tolerance: float | None = quantity(
         1e-4, BELOW_ONE, "residual of states before full load and milestones", "solver"
     )
     viscosity: str = choice(
-        "auto", ("auto", "off"), "auto: a drag on the nodes for steps that fail", "solver"
+        "auto", ("auto", "off"), "auto: viscous drag on the nodes for steps that fail", "solver"
     )
     accuracy: float | None = quantity(
         None,
         POSITIVE,
-        "distance of a state from the straight continuation of the path, over the displacement",
+        "distance of a state from the linear extrapolation of the path, over the displacement",
         "solver",
     )
     balance: float | None = quantity(

@@ -92,5 +92,5 @@ def solve_staggered(
             break
         now, fall = (max(asked, LOOSE_TOLERANCE), 0.1) if updated else (asked, 0.0)
     else:
-        report.reject(f"contact did not settle in {MAX_SOLVES} solutions")
+        report.reject(f"contact did not converge in {MAX_SOLVES} solves")
     return report, sum(every)

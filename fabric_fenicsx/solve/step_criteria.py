@@ -9,7 +9,7 @@ def off_path(deviation: float, accuracy: float | None) -> str:
     """Criterion of a straight path. deviation: distance of the state from the linear extrapolation,
     over the displacement's norm; twice the `accuracy` is allowed, None: any."""
     if accuracy and deviation > 2 * accuracy:
-        return f"the step leaves the path by more than the accuracy of {accuracy:g} allows"
+        return f"the step deviates from the path by more than the accuracy of {accuracy:g}"
     return ""
 
 
@@ -25,5 +25,5 @@ def imbalance(missing: float, allowed: float | None) -> str:
     """Criterion of the energy balance: `missing_work` is at most `allowed` (None: any)."""
     if not allowed or missing <= allowed:
         return ""
-    lost = f"{percent(missing, 3)} of the step's work is not in the energies"
-    return f"{lost}; allowed is {percent(allowed, 6)}"
+    lost = f"{percent(missing, 3)} of the step's work is missing from the energies"
+    return f"{lost}; expected {percent(allowed, 6)}"

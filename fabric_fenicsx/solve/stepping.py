@@ -224,7 +224,7 @@ class LoadStepping:
         self._steps_at_rest += progress.load == 1 and not trial.size
         most = self.MAX_STEPS_AT_REST
         creeps = progress.viscosity.drag and self._steps_at_rest == most
-        return f"the state at full load still creeps after {most} steps at rest" if creeps else ""
+        return f"the state still creeps after {most} steps at constant load" if creeps else ""
 
     def _next_step_size(self, trial):
         progress, accuracy = self.progress, self.settings.accuracy
@@ -245,7 +245,7 @@ class LoadStepping:
         gave_up = f"gave up at load factor {rounded(progress.load, 6)}"
         viscosity.stiffness = viscosity.stiffness or self.newton.stiffness(progress.x)
         if not np.isfinite(viscosity.stiffness):
-            return f"{gave_up}: the tangent of the state there is not a number"
+            return f"{gave_up}: the tangent of the state is not a number"
         is_hard = self.settings.viscosity == "auto" and trial.size <= self.HARD_STEP * self.largest
         if is_hard and viscosity.strengthen():
             return ""

@@ -42,26 +42,26 @@ def check_triangles(surface: TriangulatedSurface, name: str, thickness: float) -
     worst = int(off.argmax())
     if count := len(surface.forks):
         flaw = f"{count} edges with more than two triangles, one at {middle(surface.forks[0])}"
-        raise InputError(f"{name} has {flaw}; allowed are at most two at an edge")
+        raise InputError(f"{name} has {flaw}; expected at most two at an edge")
     if off[worst] > thickness:
         raise InputError(
             f"{name} has facets that are {rounded(off[worst])} mm off the curved surface through "
-            f"their corners, at {middle(surface.triangles[worst])}; allowed is up to the ply's "
+            f"their corners, at {middle(surface.triangles[worst])}; expected at most the ply's "
             f"thickness {thickness:g} mm"
         )
     x = surface.points
     rounding = float(np.spacing(np.abs(x).max().astype("f4"))) / np.ptp(x, axis=0).max()
     if rounding > MAX_ROUNDING and (x == x.astype("f4")).mean() > 0.9:
         flaw = f"numbers of single precision, which are {rounding:.2g} of its size apart"
-        flaw += f" at {coordinates(x[0])} mm; allowed is a surface near the origin, or more digits"
+        flaw += f" at {coordinates(x[0])} mm; expected a surface near the origin, or more digits"
         raise InputError(f"{name} has {flaw}")
     edges, turn = surface.curved.turns()
     if not len(turn) or (sharpest := np.degrees(turn.max())) <= 20.0:
         return []
     return [
         f"{name} is coarse: its facets turn by {sharpest:.0f} deg at "
-        f"{middle(edges[turn.argmax()])} where it is to be smooth; beyond 20 deg its curvature is "
-        "a guess"
+        f"{middle(edges[turn.argmax()])} where it should be smooth; beyond 20 deg its curvature "
+        "is unreliable"
     ]
 
 
@@ -77,12 +77,12 @@ def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm
     nearest = min(zip(gap.tolist(), places.tolist()), default=none)
     off, place = min(comm.allgather(nearest))
     if thickness / 2 - off > (0.5 + 1e-6) * thickness:
-        depth = f"is {rounded(thickness / 2 - off)} mm deep in the sheet's face"
+        depth = f"penetrates the sheet by {rounded(thickness / 2 - off)} mm"
         flaw = "has a gap that is not a number" if off == -np.inf else depth
         raise InputError(
-            f"{tool.name} {flaw} at {coordinates(place)} before anything moves; allowed is up to "
-            f"{thickness / 2:g} mm, half the thickness: begin its path further off, or turn it "
-            "round with `Reversed`"
+            f"{tool.name} {flaw} at {coordinates(place)} before the first step; expected up to "
+            f"{thickness / 2:g} mm, half the thickness: start its path further away, or use "
+            "`Reversed` if its normals point away from the sheet"
         )
 
 
@@ -112,6 +112,6 @@ def triangle_warnings(tool: Tool, sheet: float) -> list[str]:
     small = ((width, ring) for ring in around if (width := np.ptp(ring, axis=0).max()) < 0.1 * size)
     return warnings + [
         f"{what} has a hole {rounded(width)} mm wide at {coordinates(ring.mean(0) + tool.home.at)} "
-        "mm in its own coordinates, where nothing stops the sheet"
+        "mm in its own coordinates, through which the sheet can pass"
         for width, ring in islice(small, 1)
     ]

@@ -135,19 +135,19 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
     array([2.])
     """
 
-    dome_distance: float = quantity(304.0, POSITIVE, "between the centres of the domes [mm]")
-    dome_radius: float = quantity(65.0, POSITIVE, "of a dome's outline [mm]")
+    dome_distance: float = quantity(304.0, POSITIVE, "distance of the centres of the domes [mm]")
+    dome_radius: float = quantity(65.0, POSITIVE, "radius of a dome's outline [mm]")
     waist: float = quantity(55.0, POSITIVE, "half width of the outline at the middle [mm]")
     depth: float = quantity(60.0, POSITIVE, "height of the domes over the flange [mm]")
     wall_angle: float = quantity(
         10.0,
         Rule("an angle from 0, below 90 deg", lambda v: 0 <= v < 90),
-        "of the wall from the vertical [deg]",
+        "angle of the wall from the vertical [deg]",
     )
-    top_radius: float = quantity(40.0, POSITIVE, "of the rounding between top and wall [mm]")
-    entry_radius: float = quantity(15.0, POSITIVE, "of the fillet between wall and flange [mm]")
-    saddle_depth: float = quantity(15.0, FROM_ZERO, "by which the top is lower at the middle [mm]")
-    saddle_length: float = quantity(304.0, POSITIVE, "along x, over which the top is lowered [mm]")
+    top_radius: float = quantity(40.0, POSITIVE, "radius between top and wall [mm]")
+    entry_radius: float = quantity(15.0, POSITIVE, "radius between wall and flange [mm]")
+    saddle_depth: float = quantity(15.0, FROM_ZERO, "depression of the top at the middle [mm]")
+    saddle_length: float = quantity(304.0, POSITIVE, "length along x of this depression [mm]")
     # what follows from them; each dome has its own, ClassVar only says that they are no fields
     _shape: ClassVar[_Shape]
 
@@ -162,19 +162,19 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
         relations = [
             (
                 least < w <= R and 2 * (R - w) * entry * tangent < turn,
-                f"waist is {w:g}; allowed is above {least:g} and at most dome_radius = {R:g}, with "
+                f"waist is {w:g}; expected above {least:g} and at most dome_radius = {R:g}, with "
                 "dome_distance and entry_radius such that the fillet's foot does not reach the "
                 "centre of the outline's concave arc",
             ),
             (
                 self.saddle_depth < depth and lowest <= depth,
-                f"depth is {depth:g}; allowed is above saddle_depth = {self.saddle_depth:g}, and "
+                f"depth is {depth:g}; expected above saddle_depth = {self.saddle_depth:g}, and "
                 f"{lowest:g} or more, so that top_radius = {top:g} and entry_radius = {entry:g} "
                 f"fit at wall_angle = {self.wall_angle:g}",
             ),
             (
                 inwards < w,
-                f"wall_angle is {self.wall_angle:g} and top_radius {top:g}; allowed are such that "
+                f"wall_angle is {self.wall_angle:g} and top_radius {top:g}; expected such that "
                 f"wall and rounding, {inwards:g} mm, leave a flat top at the waist",
             ),
         ]

@@ -289,7 +289,7 @@ def repaired(
     Raises InputError if none has an area, and for points that are not finite."""
     x, cells = checked_points(points), np.asarray(triangles)
     for lost in x[~np.isfinite(x).all(1)][:1]:
-        raise InputError(f"a point of the surface is {lost.tolist()}; allowed are finite ones")
+        raise InputError(f"a point of the surface is {lost.tolist()}; expected finite numbers")
     given = None if normals is None else np.asarray(normals, dtype=float)
     x, number = np.unique(x, axis=0, return_inverse=True)
     cells = number.ravel()[cells]
@@ -307,7 +307,7 @@ def repaired(
     unlike[np.unique(np.sort(cells, 1), axis=0, return_index=True)[1]] = True
     area = unlike & (np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) > 1e-10 * longest)
     if not area.any():
-        raise InputError("the surface has no triangle with an area; allowed is one at least")
+        raise InputError("the surface has no triangle with a positive area")
     used, number = np.unique(cells[area], return_inverse=True)
     cells, turn = _agreeing(number.reshape(-1, 3))
     if given is not None:

@@ -41,7 +41,7 @@ def read_triangles(
             return kept_arrays(path, how, made)
     except RuntimeError as error:
         raise InputError(
-            f"surface file {path} cannot be read as {path.suffix} ({error}); allowed is a model in "
+            f"surface file {path} cannot be read as {path.suffix} ({error}); expected a model in "
             f"one piece without gaps: {allowed}"
         ) from None
 

@@ -47,7 +47,7 @@ def checked_vector(
     if {2: "two", 3: "three"}.get(len(vector), "none") not in size or (unit and not vector.any()):
         besides = ", not all 0" if unit else ""
         shown = repr_short(value.tolist() if isinstance(value, np.ndarray) else value)
-        raise InputError(f"{name} is {shown}; allowed are {size} finite numbers{besides}")
+        raise InputError(f"{name} is {shown}; expected {size} finite numbers{besides}")
     if not unit:
         return vector
     vector /= abs(vector).max()  # so that its square neither overflows nor vanishes
@@ -58,7 +58,7 @@ def checked_points(points: ArrayLike) -> np.ndarray:
     """`points` as an array of shape (n, 3); raises InputError for any other."""
     x = np.asarray(points, float)
     if x.ndim != 2 or x.shape[1] != 3:
-        raise InputError(f"points have the shape {x.shape}; allowed is (n, 3)")
+        raise InputError(f"points have the shape {x.shape}; expected (n, 3)")
     return x
 
 

@@ -64,7 +64,7 @@ class Tool:
     ) -> None:
         if not isinstance(surface, Surface):
             raise InputError(
-                f"surface of {name} is {surface!r}; allowed is a surface, as `Sphere(30)`"
+                f"surface of {name} is {surface!r}; expected a surface, as `Sphere(30)`"
             )
         self.name, self.surface = name, surface
         self.path = _growing(f"path of {name}", path)
@@ -87,7 +87,7 @@ class Tool:
             turned = np.linalg.norm(force - self.push * self.direction) > 1e-9 * abs(force).max()
             if turned or self.push < 0:
                 raise InputError(
-                    f"force of {self.name} at load {load:g} is {force.tolist()}; allowed is one "
+                    f"force of {self.name} at load {load:g} is {force.tolist()}; expected one "
                     "along that at full load"
                 )
 

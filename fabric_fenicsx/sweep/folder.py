@@ -81,7 +81,7 @@ def ranges(words: Sequence[str]) -> list[Range]:
         low, high = map(number, text.partition("..")[::2])
         if low is None or high is None or not -math.inf < low < high < math.inf:
             allowed = "allowed with --scatter is KEY=LOW..HIGH with numbers, LOW below HIGH"
-            raise InputError(f"--vary {key}={text} is no range; {allowed}")
+            raise InputError(f"--vary {key}={text} is not a range; {allowed}")
         found.append(Range(key, low, high))
     return found
 
@@ -92,7 +92,7 @@ def _by_key(words, form):
     for word in words:
         key, equals, text = word.partition("=")
         if not (equals and re.fullmatch(r"[^.=]+(\.[^.=]+)*", key)):
-            raise InputError(f"--vary {word} is no key with values; allowed is {form}")
+            raise InputError(f"--vary {word} is not a key with values; expected {form}")
         texts[key] = f"{texts[key]},{text}" if key in texts else text
     return texts
 
@@ -126,7 +126,7 @@ def folder_name(values: Values, longest: int = 120) -> str:
 @dataclasses.dataclass
 class Run:
     """A run with its values, in `folder`. status: of its process when it ended by itself, None
-    before; options: behind `--` when it was started; reason: why it is not believed, or ""."""
+    before; options: behind `--` when it was started; reason: why it is not valid, or ""."""
 
     values: Values
     folder: Path
@@ -155,7 +155,7 @@ class Run:
         """The most that it took on all of its ranks [MiB], 0 as long as that is not known."""
         return self.summary().get("peak_memory_mib", 0) * self.summary().get("ranks", 1)
 
-    def is_believed(self) -> bool:
+    def is_valid(self) -> bool:
         """True once its process ended well and its result is not invalid."""
         return self.verdict() not in ("", INVALID)
 
@@ -192,8 +192,8 @@ class Run:
         return numbers[name]
 
     def value(self, name: str) -> float:
-        """The quantity `name`, nan where the run, or the quantity, is not believed."""
-        return self.number(name) if self.is_believed() and not self.doubts(name) else math.nan
+        """The quantity `name`, nan where the run, or the quantity, is not valid."""
+        return self.number(name) if self.is_valid() and not self.doubts(name) else math.nan
 
 
 def flat(values: Mapping[str, object], before: str = "") -> dict[str, float]:
@@ -224,14 +224,14 @@ class SweepFolder:
         before = read_json(path / "sweep.json")
         if not before and any(not each.name.startswith(".") for each in path.glob("*")):
             flaw = f"--out {path} holds files that no sweep wrote"
-            raise InputError(f"{flaw}; allowed is a folder of a sweep, an empty or a new one")
+            raise InputError(f"{flaw}; expected a folder of a sweep, an empty or a new one")
         if before and not overwrite and (wrong := self._other(before, press.name)):
-            allowed = "another --out, or --overwrite, which loses the runs there"
-            raise InputError(f"--out {path} has {wrong}; allowed is {allowed}")
+            allowed = "another --out, or --overwrite, which deletes the runs there"
+            raise InputError(f"--out {path} has {wrong}; expected {allowed}")
         path.mkdir(parents=True, exist_ok=True)
         self._lock = None if shared else lock_folder(path)
         if not (shared or self._lock):
-            raise InputError(f"--out {path} is in use by another sweep; allowed is another folder")
+            raise InputError(f"--out {path} is in use by another sweep; use another folder")
         if overwrite:
             for folder in (file.parent for file in path.glob("*/run.json")):
                 OwnedFiles(folder).remove()

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import qmc
 
-from ..core.errors import NOT_BELIEVED, InputError, SolverFailure
+from ..core.errors import NOT_VALID, InputError, SolverFailure
 from ..core.files import csv_text, replace_file
 from ..core.formatting import percent, rounded, with_error
 from ..results import report, states
@@ -27,13 +27,13 @@ def limit_of(word: str) -> tuple[str, float]:
     quantity, _, text = word.partition("=")
     limit = number(text)
     if not quantity or limit is None or not math.isfinite(limit):
-        raise InputError(f"--below {word} is no quantity with a number; allowed is QUANTITY=NUMBER")
+        raise InputError(f"--below {word} is not a quantity and a number; expected QUANTITY=NUMBER")
     return quantity, limit
 
 
 def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
     """Sentence on where `quantity` is below `limit`, over the one number that the runs vary, and
-    what is known of the error of their cells. Between believed runs with a value it is linear, over
+    what is known of the error of their cells. Between valid runs with a value it is linear, over
     the logarithm where numbers are far apart."""
     (key,) = runs[0].values
     name, points, others = short_names([key])[key], [], defaultdict(list)
@@ -41,16 +41,16 @@ def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
         if math.isfinite(value := run.value(quantity)):
             points.append((float(run.values[key]), value))
         else:
-            doubt = "doubted, see the table" if run.doubts(quantity) else "without a value"
-            others[doubt if run.is_believed() else "not believed"].append(run.values[key])
-    notes = [f"left out, as {why}: {name} = {', '.join(x)}" for why, x in others.items()]
+            doubt = "doubtful, see the table" if run.doubts(quantity) else "without a value"
+            others[doubt if run.is_valid() else "not valid"].append(run.values[key])
+    notes = [f"left out ({why}): {name} = {', '.join(x)}" for why, x in others.items()]
     asked = f"{quantity} below {rounded(limit, 5)}"
     if not points:
-        return "; ".join([f"{asked}: no run is believed and has a value", *notes])
+        return "; ".join([f"{asked}: no valid run has a value", *notes])
     x, y = np.array(points).T
     slopes = np.sign(np.diff(y))
     if (slopes > 0).any() and (slopes < 0).any():
-        notes.append("it neither falls nor rises throughout: look at trends.png")
+        notes.append("it is not monotonic: see trends.png")
     used = [run for run in runs if math.isfinite(run.value(quantity))]
     errors = [run.summary().get("error", {}).get(quantity) for run in used]
     sizes = [abs(error) for error in errors if error is not None]
@@ -84,7 +84,7 @@ def design(ranges: Sequence[Range], count: int) -> list[Values]:
 
 
 def spread(runs: Sequence[Run], ranges: Sequence[Range], quantity: str) -> dict:
-    """A quantity over believed runs: how many they are, mean, standard deviation, quantiles
+    """A quantity over valid runs: how many they are, mean, standard deviation, quantiles
     `BOUNDS`; and of the regression that is linear in all numbers at once the effects, the largest
     first, and the share of the variance that these leave.
 
@@ -126,44 +126,44 @@ def _words(label, spread):
         change = with_error(f"{each['change']:+.3g}", each["change"], each["error"], 1)
         where = f"{each['name']} from {each['low']:g} to {each['high']:g}"
         lines.append(f"  {where}: {change}, {percent(each['share'], 2)} of the variance")
-    return "\n".join([*lines, f"  not by straight lines: {percent(spread['left'], 2)}"])
+    return "\n".join([*lines, f"  not explained linearly: {percent(spread['left'], 2)}"])
 
 
 def told(
     runs: Sequence[Run], ranges: Sequence[Range], labels: Mapping[str, str], limits: Limits = ()
 ) -> tuple[list[str], dict]:
-    """Sentences on the spread of the quantities {name: label} over believed runs, with the number
+    """Sentences on the spread of the quantities {name: label} over valid runs, with the number
     of runs below each limit, and the same for sweep.json. Raises SolverFailure for too few runs."""
-    sound = [run for run in runs if run.is_believed()]
+    sound = [run for run in runs if run.is_valid()]
     if len(sound) < len(ranges) + 3:
-        raise SolverFailure(f"{len(sound)} of {len(runs)} runs are believed, too few to tell more")
+        raise SolverFailure(f"{len(sound)} of {len(runs)} runs are valid, too few for statistics")
     known = set.intersection(*(set(run.numbers()) for run in sound))
     names = [n for n in labels if n in known and all(math.isfinite(r.value(n)) for r in sound)]
     spreads = {name: spread(sound, ranges, name) for name in names}
     sentences = [_words(labels[name], each) for name, each in spreads.items()]
     if left := ", ".join(labels[name] for name in labels if name in known.difference(names)):
-        sentences.append(f"left out, as doubted or without a value in some runs: {left}")
+        sentences.append(f"left out, because doubtful or without a value in some runs: {left}")
     for name, limit in limits:
         values = [y for run in sound if math.isfinite(y := run.value(name))]
         count = f"{sum(y < limit for y in values)} of {len(values)}"
         without = f", {n} have no value" if (n := len(sound) - len(values)) else ""
         sentences.append(f"{name} below {rounded(limit, 5)}: in {count} runs{without}")
     if lost := len(runs) - len(sound):
-        sentences.append(f"{lost} of {len(runs)} runs are not believed and left out")
+        sentences.append(f"{lost} of {len(runs)} runs are not valid and left out")
     return sentences, spreads
 
 
 def write(sweep: SweepFolder, answers: Sequence[str] = (), pictures: bool = True) -> None:
     """Write table, pictures and report of the runs, `answers` on top of it."""
     captions = {
-        "trends": "Headline quantities of runs at full load; a cross is one that is not believed",
-        "curves": "Force over displacement of all runs; dashed is one that is not believed",
+        "trends": "Headline quantities of runs at full load; crosses are invalid",
+        "curves": "Force against displacement of all runs; dashed lines are invalid",
         "maps": "Shear angle, and shortening of both yarns",
     }
     runs = sorted(sweep.runs.values(), key=_place)
     rows = [
         {"run": run.folder.name, **run.values, "verdict": run.verdict()}
-        | {"converged": run.is_believed(), "reason": run.reason or "; ".join(run.doubts())}
+        | {"converged": run.is_valid(), "reason": run.reason or "; ".join(run.doubts())}
         | run.numbers()
         for run in runs
     ]
@@ -180,7 +180,7 @@ def write(sweep: SweepFolder, answers: Sequence[str] = (), pictures: bool = True
         keys=list(keys.values()),
         columns=list(columns.values()),
         rows=[_row(run, keys, columns) for run in runs],
-        believed=sum(run.is_believed() for run in runs),
+        valid=sum(run.is_valid() for run in runs),
         pictures=[(captions[name], report.encoded(f)) for name, f in files.items() if f.is_file()],
         press=sweep.state["press"]["text"],
     )
@@ -211,7 +211,7 @@ def headlines(runs: Iterable[Run], asked: Sequence[str] = ()) -> dict[str, str]:
 
 
 def _row(run, keys, names):
-    reason = run.reason.removeprefix(NOT_BELIEVED)
+    reason = run.reason.removeprefix(NOT_VALID)
     texts = {n: "no value" if math.isnan(v) else rounded(v, 4) for n, v in run.numbers().items()}
     if (reached := run.summary().get("stroke_reached", 1.0)) < 1:
         reason = f"ended at load {rounded(reached)}: {reason}"
@@ -219,8 +219,8 @@ def _row(run, keys, names):
     return {
         "values": [run.values.get(key, "") for key in keys],
         "numbers": [texts.get(name, "-") for name in names],
-        **{"believed": run.is_believed(), "verdict": run.verdict() or "not run", "reason": reason},
-        "doubts": run.doubts() if run.is_believed() else [],
+        **{"valid": run.is_valid(), "verdict": run.verdict() or "not run", "reason": reason},
+        "doubts": run.doubts() if run.is_valid() else [],
         "report": str(page.relative_to(run.folder.parent)) if page.is_file() else "",
     }
 
@@ -239,13 +239,13 @@ def draw(
 
 
 def _draw_curves(path, runs, scatter):
-    """Force over displacement of each run, or of believed ones of a design mean and bounds."""
+    """Force over displacement of each run, or of valid ones of a design mean and bounds."""
     series = {}
     for run in (run for run in runs if (run.results / "history.csv").is_file()):
         rows = [*csv.DictReader((run.results / "history.csv").read_text().splitlines())]
         x, y = ([float(row[k]) for row in rows] for k in ("displacement_mm", "reaction_N"))
-        if rows and (run.is_believed() or not scatter):
-            series[run.label] = x, y, "-" if run.is_believed() else "--"
+        if rows and (run.is_valid() or not scatter):
+            series[run.label] = x, y, "-" if run.is_valid() else "--"
     if series and scatter:
         x, *_ = next(iter(series.values()))
         forces = np.array([np.interp(x, at, force) for at, force, _ in series.values()])
@@ -275,7 +275,7 @@ def _draw_trends(path, runs, names):
 
 def _draw_trend(ax, runs, key, name, most=8):
     """A quantity over a key, with a line for each values of the others, in a legend up to `most`;
-    a cross is a run that is not believed."""
+    a cross is a run that is not valid."""
     groups = defaultdict(list)
     for run in runs:
         groups[label({k: v for k, v in run.values.items() if k != key})].append(run)
@@ -285,7 +285,7 @@ def _draw_trend(ax, runs, key, name, most=8):
         y = [run.number(name) for run in mine]
         ax.plot(x, y, "-", lw=1.2, label=group, color=colour)
         for run, *point in zip(mine, x, y):
-            ax.plot(*point, "o" if run.is_believed() else "x", ms=5, color=colour)
+            ax.plot(*point, "o" if run.is_valid() else "x", ms=5, color=colour)
     if runs and is_wide([float(run.values[key]) for run in runs]):
         ax.set_xscale("log")
     if 1 < len(groups) <= most:
@@ -297,7 +297,7 @@ def _draw_maps(path, runs, most=24):
     """A row of maps for each ply of each run, up to so many."""
     grids = {}
     for run in (run for run in runs if (run.results / "fields.pvd").is_file()):
-        words = run.label + ("" if run.is_believed() else f" ({run.verdict()})")
+        words = run.label + ("" if run.is_valid() else f" ({run.verdict()})")
         for ply, grid in states.of_fabric(states.read_grids(run.results)).items():
             grids[", ".join(filter(None, (words, ply)))] = grid
     if 0 < len(grids) <= most:

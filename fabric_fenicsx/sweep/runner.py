@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from threading import RLock
 
-from ..core.errors import NOT_BELIEVED, InputError, Interrupted
+from ..core.errors import NOT_VALID, InputError, Interrupted
 from ..core.files import failure_reason
 from ..core.formatting import rounded
 from ..core.processes import RANKS_ENVIRONMENT, on_ranks
@@ -65,7 +65,7 @@ class SweepRun:
 class Runner:
     """Runs of a sweep's `folder` by the processes of a `program`, so many `jobs` at a time: by
     default as many as there are cores, and as free memory allows by what earlier runs took. Each
-    run that is believed must have the quantities `asked` for."""
+    run that is valid must have the quantities `asked` for."""
 
     def __init__(
         self, folder: SweepFolder, program: SweepRun, jobs: int | None, asked: Sequence[str]
@@ -109,7 +109,7 @@ class Runner:
             for number, handler in before.items():
                 signal.signal(number, handler)
         if came:
-            raise Interrupted(f"stopped by {came[0]}; the same command goes on from there")
+            raise Interrupted(f"stopped by {came[0]}; the same command continues from there")
         return runs
 
     def _do(self, run):
@@ -130,7 +130,7 @@ class Runner:
                     return
                 _note(run, status)
                 print(_line(run, time.monotonic() - began), flush=True)
-                for name in self.asked if run.is_believed() else ():
+                for name in self.asked if run.is_valid() else ():
                     run.number(name)
             except InputError:
                 self._stop()
@@ -153,7 +153,7 @@ class Runner:
         """Ask all runs to end after their step; in a second call end them at once."""
         with self._lock:
             if not self._stopped and (count := len(self._under_way)):
-                print(f"ending after their step: {count}; Ctrl-C again ends them at once")
+                print(f"ending after the current step: {count}; Ctrl-C again ends them at once")
             for process in self._under_way:
                 with suppress(ProcessLookupError):
                     if self._stopped:
@@ -174,9 +174,9 @@ def _note(run, status):
     run.status, run.reason = status, ""
     if status < 0:
         name = signal.Signals(-status).name
-        memory = " (as the system does when memory is short)" if name == "SIGKILL" else ""
+        memory = " (as the system does if memory runs out)" if name == "SIGKILL" else ""
         run.reason = f"ended by {name}{memory}"
-    elif not run.is_believed():
+    elif not run.is_valid():
         own = status == 3 and failure_reason(run.results / "summary.json")  # else of a later run
         run.reason = own or _last_words(run)
     if run.reason.startswith(("stopped by", "interrupted")):
@@ -186,11 +186,11 @@ def _note(run, status):
 
 def _line(run, seconds):
     summary = run.summary()
-    if not run.is_believed():
+    if not run.is_valid():
         reached = summary.get("stroke_reached", 0)
-        how = "not believed" if run.reason.startswith(NOT_BELIEVED) else "gave up"
+        how = "not valid" if run.reason.startswith(NOT_VALID) else "gave up"
         at = f" at load {rounded(reached)}" if reached < 1 else ""
-        return f"{run.label}: {how}{at}: {run.reason.removeprefix(NOT_BELIEVED)}"
+        return f"{run.label}: {how}{at}: {run.reason.removeprefix(NOT_VALID)}"
     force = summary.get("reaction_N")
     result = "" if force is None else f", {summary.get('reaction_is', 'force')} {force:.5g} N"
     return f"{run.label}: done in {seconds:.0f} s{result}"

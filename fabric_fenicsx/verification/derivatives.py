@@ -67,7 +67,7 @@ def check_derivatives(
         name, (rows, remarks) = f"term {thing.name}", _of_term(thing, at, load, size)
     else:
         raise InputError(
-            f"no derivatives of {thing!r} can be checked at {at!r}; allowed are a law, a surface "
+            f"derivatives of {thing!r} cannot be checked at {at!r}; expected a law, a surface "
             "with points near it, (n, 3), and a term with its scene"
         )
     return _report(name, rows, remarks)
@@ -79,7 +79,7 @@ def _report(name, rows, remarks):
     for names, off, where in rows:  # the first, as what follows from it is off, too
         if not off <= DIFFERENCE_TOLERANCE:
             apart = "are not numbers" if np.isnan(off) else f"differ by {off:.2g} of the largest"
-            allowed = f"allowed is {DIFFERENCE_TOLERANCE:g}"
+            allowed = f"expected {DIFFERENCE_TOLERANCE:g}"
             raise InputError(f"{name}: {names} {apart} {where}; {allowed}\n{table}")
     return "\n".join([f"{name}: {remarks[0]}\n{table}", *remarks[1:]])
 
@@ -136,7 +136,7 @@ def _of_law(law, x):
         rise = energy(states) - energy(np.zeros((1, 3)))
         depth = max(-float(rise.min()) / max(abs(rise).max(), 1e-300), 0.0)
         depths.append((depth, _place(states[rise.argmin()])))
-    yield "energy at rest and the least one", *max(depths)
+    yield "energy at rest and its minimum", *max(depths)
 
 
 def _of_surface(surface, x):
@@ -155,7 +155,7 @@ def _of_surface(surface, x):
     bends = np.linalg.eigvalsh(np.nan_to_num(there.curvature))
     inside, outside = 1 / np.asarray(surface.radii)  # the sharpest that the radii allow
     allowed = np.clip(bends, -outside, inside)
-    yield _row("radii of curvature and least `radii`", bends * bent, allowed * bent, feet)
+    yield _row("radii of curvature and smallest `radii`", bends * bent, allowed * bent, feet)
     if isinstance(surface, ImplicitSurface):
         bound = np.maximum(surface.bound(surface.value(x.T), x.T), abs(here.gap))
         yield _row("`bound` and distances that it must not exceed", bound, abs(here.gap), x, 0.0)
@@ -208,10 +208,10 @@ def _of_term(term, scene, load, size):
         ("forces and differences of energies", off, where),
         _row("tangent and differences of forces", whole(Kd), whole(change), whole(places), 0.0),
     ]
-    nothing = "the term gives no forces here: nothing was compared"
+    nothing = "the term has no forces here: nothing was compared"
     remarks = ["derivatives agree with differences" if largest else nothing]
     if term.energy_kind and stored < -1e-6 * size * total:
-        below = "below 0 it drives the sheet in place of resisting it"
+        below = "a negative energy drives the sheet instead of resisting it"
         remarks.append(f"the energy of the displaced sheet is {stored:.3g} N mm: {below}")
     return rows, remarks
 
@@ -234,6 +234,6 @@ def _check_places(term, asked):
     changed = any(now == pattern and not np.array_equal(at, places) for now, at in asked)
     if term.blank.mesh.comm.allreduce(changed, MPI.LOR):
         raise InputError(
-            f"`tangent` of term {term.name} gives other places where the sheet is elsewhere; "
-            "allowed are always the same, unless `pattern` counts up"
+            f"`tangent` of term {term.name} returns different rows and columns if the sheet moves; "
+            "expected always the same, unless `pattern` counts up"
         )

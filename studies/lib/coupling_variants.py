@@ -16,6 +16,6 @@ def coupling_variants(fabric: Law) -> dict[str, Law]:
     if not fabric.couplings:
         raise InputError(
             f"variants of the couplings are asked for, and the fabric, of law {fabric.law}, has "
-            "none; allowed is a fabric with couplings, as komeili"
+            "none; expected a fabric with couplings, as komeili"
         )
     return variants

@@ -61,7 +61,7 @@ def test_a_pattern_reaches_two_thicknesses_of_all_plies_and_tells_its_areas(aske
 def test_the_distance_of_an_edge_is_told(asked, capsys, tmp_path):
     (tmp_path / "line.csv").write_text("x,y\n0,0\n1,0\n1,1\n")
     asked("--line", str(tmp_path / "line.csv"), "--edge", "--sheet", "upper")
-    told = "the edge of ply upper is up to 5 mm from the trim line, 2 mm in the mean\n"
+    told = "the edge of ply upper is up to 5 mm from the trim line, 2 mm on average\n"
     assert capsys.readouterr().out == told
 
 

@@ -213,7 +213,7 @@ def test_an_elastica_that_touches_itself(halved):
     assert not halved or off_differences(contact, 0.01) < 1e-6
 
 
-def test_half_a_strip_that_goes_beyond_its_plane_of_symmetry_is_not_believed():
+def test_half_a_strip_that_goes_beyond_its_plane_of_symmetry_is_not_valid():
     with pytest.raises(ff.SolverFailure) as error:
         strip(40, ff.SelfContact(T, penalty=10.0), end=12.0, halved=True).run()
     words = "its image: 18 nodes lie up to (.*) mm beyond the plane that support 'plane of"

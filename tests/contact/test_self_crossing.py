@@ -80,5 +80,5 @@ def test_sheets_that_pass_through_one_another_are_told_of():
     assert crossing_warning(stack) == ""
     result = ff.Job(scene, steps=1, limits=ff.Limits(imbalance=2.0)).run()
     found = crossing_warning(stack)
-    assert found.startswith("lower and upper pass through one another at ")
+    assert found.startswith("lower and upper pass through each other at ")
     assert COMM.rank > 0 or found in said(result.summary)

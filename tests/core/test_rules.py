@@ -21,7 +21,7 @@ from fabric_fenicsx.core.rules import COUNT, POSITIVE
 )
 def test_a_rule_refuses_what_is_no_finite_number(wrong):
     for rule in (rules.FINITE, rules.POSITIVE, rules.COUNT):
-        with pytest.raises(InputError, match=r"^`size` is .*; allowed is "):
+        with pytest.raises(InputError, match=r"^`size` is .*; expected "):
             rule.check("`size`", wrong)
 
 
@@ -60,7 +60,7 @@ def test_a_name_is_told_by_spelling_or_by_what_others_call_it():
         (3, ("warp", "weft"), ""),
     ):
         assert rules.did_you_mean(word, allowed) == hint
-    told = "key heigth is unknown (did you mean height?); allowed are width, height"
+    told = "key heigth is unknown (did you mean height?); expected width, height"
     assert str(rules.unknown_key("heigth", ("width", "height"), "key heigth")) == told
 
 

@@ -15,7 +15,7 @@ from fabric_fenicsx.sheet.specimen import specimen
 
 
 def test_a_strip_of_less_than_two_widths_is_refused():
-    with pytest.raises(ff.InputError, match="allowed is a length of 2 widths or more"):
+    with pytest.raises(ff.InputError, match="expected a length of 2 widths or more"):
         ff.BiasExtension(length=99).build()
 
 

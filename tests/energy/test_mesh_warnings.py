@@ -96,7 +96,7 @@ def test_cells_that_stretch_yarns_to_and_fro_are_doubted(
         assert alternating_energy(membrane) == pytest.approx(share, rel=1e-6)
         told = locking_warning(membrane)
         assert bool(told) == (share > least)
-        assert ("forces say nothing" in told) == bool(excess and share == 0.26)
+        assert ("forces are not reliable" in told) == bool(excess and share == 0.26)
     number = f"about {200 * excess * least:.2g} % too high" if excess else "is not quantified"
     assert number in told
 

@@ -53,7 +53,7 @@ def tangents_that_change():
         ("tangent", moved, "`tangent` of term springs gives other places than rows and columns"),
         ("tangent", tangents_that_change(), "other places than before; .* unless `pattern` counts"),
         ("add_forces", lambda self, f: f + 1.0, "springs returns something, or loses"),
-        ("add_forces", in_place_of_others, "loses what other terms added; allowed is to add to"),
+        ("add_forces", in_place_of_others, "loses what other terms added; expected to add to"),
         ("energies", lambda self: {"viscous": 1.0}, "springs has the kind of energy viscous; allo"),
         ("summary", lambda self: {"converged": 3}, "entry converged, which summary.json has"),
         ("nodal_fields", lambda self: {"u": 3}, r"gives u with shape \(\); allowed is"),
@@ -186,12 +186,12 @@ def between(blank, term, membrane=None):
 
 
 REFUSED = [
-    (lambda: alone(square(degree=3), contact()), "other cells; allowed are P1, Q1, and P2"),
+    (lambda: alone(square(degree=3), contact()), "other cells; expected P1, Q1, and P2"),
     (lambda: alone(square(), contact(where=near(0, 77.0))), "where no node is"),
-    (lambda: alone(square(**TURNED), contact()), "along turned axes; allowed are x, y and z"),
+    (lambda: alone(square(**TURNED), contact()), "along turned axes; expected x, y and z"),
     (lambda: ff.Tool(PLANE, force=lambda s: (1 - s, 0, s)), "0 is .* along that at full load"),
     (lambda: between(stack(), pair(None), Elastic()), "a penalty, a number above 0, as no term"),
-    (lambda: between(stack(), ff.SelfContact(T, penalty=1.0)), "asked of a stack; allowed is one"),
+    (lambda: between(stack(), ff.SelfContact(T, penalty=1.0)), "asked of a stack; expected one"),
     (lambda: alone(square(), ff.Springs(END, 1.0, anchor=(10, 0, 0))), "an anchor at a node that"),
     (lambda: alone(square(), ff.Gravity()), "gravity needs the mass of"),
     (lambda: alone(square(), ff.Bending(1.0, symmetric=SIDES)), "sides in more than one plane"),

@@ -152,7 +152,7 @@ def test_of_a_loop_the_loading_is_read(tmp_path):
     assert test.pressure.tolist() == P
     assert "pressure turns back behind row 6" in test.remarks[0]
     for p, h, words in (
-        (P[::-1], H, "row 6: pressure is 0.001 MPa at last; allowed is to rise"),
+        (P[::-1], H, "row 6: pressure is 0.001 MPa at last; expected to rise"),
         (P, H[::-1], "thickness is 0.4 mm under the highest pressure and 0.28 mm under"),
     ):
         with pytest.raises(InputError, match=f"pressed.csv.*{words}"):
@@ -161,7 +161,7 @@ def test_of_a_loop_the_loading_is_read(tmp_path):
 
 def test_what_does_not_tell_the_exponent_is_refused():
     """And plies of another thickness, as of a stack of five."""
-    with pytest.raises(InputError, match="leave the exponent at .*; allowed are tests of more"):
+    with pytest.raises(InputError, match="leave the exponent at .*; expected tests of more"):
         fit_compaction(pressed_sheet(STIFF, (0.1, 3), points=6))
     sheet = dataclasses.replace(pressed_sheet(SOFT), thickness=0.08)
     with pytest.raises(InputError, match=r"thickness is 0.08 mm, and plies of .* have 0.4"):

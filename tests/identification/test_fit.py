@@ -290,7 +290,7 @@ def test_strips_with_free_sides_tell_the_rest_if_p_min_is_known():
     exact = identify(known, [strip(c) for c in only(curves, "free_a", "free_b")])
     assert list(exact.determined) == ["a", "b", "c"] and not exact.warnings
     assert worst(exact, true_values(KOMEILI, True)) < 1e-6
-    assert exact.assumed["d"].reason == "the data cannot tell it from others"
+    assert exact.assumed["d"].reason == "the data cannot distinguish it from others"
     assert exact.assumed["d"].moves == {"c": pytest.approx(0.5 * 2.367, rel=1e-3)}
 
 

@@ -65,14 +65,14 @@ def test_a_bad_file_or_function_is_told(tmp_path):
         ("x,y,v\n0,0,1\n1,1,2\n2,2,3\n", "its 3 points span no area"),
         ("x,y,v\n0,0,1\n0,0,2\n1,0,3\n", r"at \(0, 0\) mm there are the values 1 and 2"),
         ("x,y,v\n0,0,1\n0,0,1.000000002\n1,0,3\n0,1,2\n", "there are the values 1 and 1"),
-        ("x,y,v\n0,0,1\n1,0,2\n0,1,-1\n", r"`mu` at \(0, 1\) mm is -1.0; allowed is a number"),
+        ("x,y,v\n0,0,1\n1,0,2\n0,1,-1\n", r"`mu` at \(0, 1\) mm is -1.0; expected a number"),
     ):
         path.write_text(text)
         with pytest.raises(ff.InputError, match=said):
             of_place(FROM_ZERO).check("`mu`", str(path))
     for function, said in (
         (lambda x: x, r"`mu` as a function of x, y fails \(TypeError"),
-        (lambda x, y: 0.1 * x, r"`mu` at \(-13, 9, 5\) mm is -1.3; allowed is a number from 0"),
+        (lambda x, y: 0.1 * x, r"`mu` at \(-13, 9, 5\) mm is -1.3; expected a number from 0"),
     ):
         with pytest.raises(ff.InputError, match=said):
             of_place(FROM_ZERO).check("`mu`", function).at(INSIDE)

@@ -66,7 +66,7 @@ def test_a_job_goes_on_from_its_checkpoint(folder):
         return ff.Tensile(**COARSE).job(steps=4, limits=ff.Limits(**limits))
 
     whole = pull().run()
-    with pytest.raises(ff.SolverFailure, match="not to be believed") as failure:
+    with pytest.raises(ff.SolverFailure, match="not valid") as failure:
         pull(strain=0.01).run(folder, pictures=False)
     reached = failure.value.result.summary["stroke_reached"]
     assert 0 < reached < 1
@@ -173,10 +173,10 @@ def test_what_a_run_costs_is_told_by_its_first_step(monkeypatch, folder):
     lines = dry_run.checked(job, Output("run", folder), "", False)
     assert lines[1].startswith("the run takes 17 to 28 s, and several times")
     assert "9 iterations at the first of 4 steps took 3 s, setup took 10 s" in lines[1]
-    assert lines[2] == "the run on coarser cells, for errors, takes 0.9 to 2.2 s more"
+    assert lines[2] == "the error estimate on coarser cells takes 0.9 to 2.2 s more"
 
 
-def test_a_last_state_that_is_not_believed_is_told_so():
+def test_a_last_state_that_is_not_valid_is_told_so():
     """There is no step after it that would not be taken."""
     with pytest.raises(ff.SolverFailure, match="stretched by more than 1 % in") as failure:
         ff.Tensile(**COARSE).job(steps=1, limits=ff.Limits(strain=0.01)).run()
@@ -218,7 +218,7 @@ def test_a_tool_that_never_touches_the_sheet_is_told_of(shared_path, start):
     assert COMM.rank or (shared_path / "gap.png").stat().st_size > 1000
     with pytest.raises(ff.InputError, match="contact_gap is asked .*, shear_angle.*; .*nodes"):
         result.fields["contact_gap"]
-    with pytest.raises(ff.InputError, match="scene of .* was run before .* allowed is a new scene"):
+    with pytest.raises(ff.InputError, match="scene of .* was run before .* expected a new scene"):
         replace(job, steps=2).run()
 
 

@@ -29,7 +29,7 @@ def test_yarns_may_be_stretched_by_10_percent_but_in_1_percent_of_the_area(lengt
     pulled = lambda x, y, z: (eps * np.minimum(x, length), 0 * x, 0 * x)  # noqa: E731
     scene = moved(strip((length, 100 - length)), pulled)
     found = validity.beyond_limits_now(scene, ff.Limits())
-    words = "yarns are stretched by more than 10 % in 1.02 % of the sheet; allowed is 1 % of it"
+    words = "yarns are stretched by more than 10 % in 1.02 % of the sheet; the limit is 1 %"
     assert len(found) == told and all(each.startswith(words) for each in found)
 
 
@@ -234,7 +234,7 @@ def test_errors_come_after_the_run_too(folder):
 
 def test_a_coarser_run_that_fails_costs_the_errors_alone():
     def refused():
-        raise ff.InputError("no such mesh; allowed is another")
+        raise ff.InputError("no such mesh; expected another")
 
     job = ff.Tensile(**COARSE).job(steps=2, coarser=refused, error=True)
     summary = job.run().summary

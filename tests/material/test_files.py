@@ -154,7 +154,7 @@ def test_intervals_are_read_in_their_units_and_written(read):
     assert fabric.scatter == told and fabric == KOMEILI.replace(name="")
     assert read(fabric.dumps()).scatter == told
     assert set(fabric.replace(s1=1.0).changed({"thickness": 1.1}).scatter) == {"shear_factor"}
-    with pytest.raises(ff.InputError, match="and b is 667.5 and 300; allowed is an interval"):
+    with pytest.raises(ff.InputError, match="and b is 667.5 and 300; expected an interval"):
         read(f"{FABRIC}[weft]\nb = 300\n[scatter]\nb = [200, 700]")
 
 
@@ -172,9 +172,9 @@ def test_a_factor_multiplies_the_stresses_of_one_kind(fabric):
 
 END = "s3 = 562.39e-3\n"
 REFUSED = [  # of a file, or behind a line of it
-    ("a = 4130", "a_psi = 1", "yarns.a_psi is unknown (did you mean a_Pa?); allowed are a_MPa"),
-    ("a = 4130", "", "missing yarns.a; allowed is to give all, in [yarns] or [warp]"),
-    ('density = "g/cm3"', "", "density has no unit; allowed is density_g_per_cm3 or density_kg"),
+    ("a = 4130", "a_psi = 1", "yarns.a_psi is unknown (did you mean a_Pa?); expected a_MPa"),
+    ("a = 4130", "", "missing yarns.a; expected to give all, in [yarns] or [warp]"),
+    ('density = "g/cm3"', "", "density has no unit; expected density_g_per_cm3 or density_kg"),
     ("thickness = 1.0", "law = 'tabelled'", "law 'tabelled' is unknown (did you mean tabulated?)"),
     (END, "[shear_friction]\nstiffness_MPa = [2, 1]\nstrength_MPa = 1", "2 stiffnesses and 1 str"),
     (END, "[bending]\ncantilever_a_mm = 200", "bending is incomplete, or told twice"),
@@ -196,8 +196,8 @@ def test_what_is_wrong_in_a_file_is_said(read, old, new, words):
 def test_what_cannot_be_read_written_or_set(tmp_path):
     (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe\x00")
     for call, words in (
-        (lambda: ff.load("nylon.toml"), r"nylon.toml' is unknown; allowed is a preset \(komeili, "),
-        (lambda: ff.load(tmp_path / "bytes.toml"), "bytes.toml: cannot be read .*; allowed is TO"),
+        (lambda: ff.load("nylon.toml"), r"nylon.toml' is unknown; expected a preset \(komeili, "),
+        (lambda: ff.load(tmp_path / "bytes.toml"), "bytes.toml: cannot be read .*; expected TO"),
         (lambda: KOMEILI.to_toml(tmp_path / "none" / "x.toml"), "x.toml can't be read or written"),
         (lambda: KOMEILI.replace(fibre_density=0.75), "fibre_density is 0.75 g/cm3; allowed is"),
     ):

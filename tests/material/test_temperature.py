@@ -40,11 +40,11 @@ def test_numbers_are_linear_between_temperatures(name):
 
 def test_a_temperature_is_given_where_it_is_of_use_and_nowhere_else():
     fabric = KOMEILI.replace(at_temperatures={20: {"s1": 0.1}, 200: {"s1": 0.01}})
-    with pytest.raises(ff.InputError, match="`temperature` is missing; allowed is from 20 to 200"):
+    with pytest.raises(ff.InputError, match="`temperature` is missing; expected from 20 to 200"):
         ff.Membrane(fabric)
-    with pytest.raises(ff.InputError, match="`temperature` is 250; allowed is from 20 to 200"):
+    with pytest.raises(ff.InputError, match="`temperature` is 250; expected from 20 to 200"):
         ff.Membrane(fabric, temperature=250)
-    with pytest.raises(ff.InputError, match="is 100; allowed is none, .* no numbers at temp"):
+    with pytest.raises(ff.InputError, match="is 100; expected none, .* no numbers at temp"):
         ff.Membrane(KOMEILI, temperature=100.0)
     with pytest.raises(ff.InputError, match="s1 is changed, and material glass has its own"):
         fabric.changed({"s1": 0.05})

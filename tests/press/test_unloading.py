@@ -149,7 +149,7 @@ def test_sheets_of_a_stack_spring_back_on_each_other_or_alone():
 
 def test_what_cannot_be_unloaded():
     formed = over_a_bar(0.5)
-    with pytest.raises(InputError, match="`keep` names 'grip'; allowed are supports of the scene"):
+    with pytest.raises(InputError, match="`keep` names 'grip'; expected supports of the scene"):
         ff.unloading(formed, keep=["grip"])
     formed.summary["stroke_reached"] = 0.4
     with pytest.raises(InputError, match="a run that reached full load, not 0.4"):

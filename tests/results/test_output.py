@@ -86,7 +86,7 @@ def test_a_run_owns_what_is_on_its_list(tmp_path):
         assert before == contents()
 
     (tmp_path / "report.html").write_text("mine")
-    refused("", "holds inputs, or what no run of it wrote: report.html; allowed")
+    refused("", "holds inputs, or files that no run of it wrote: report.html; allowed")
     for folder, ends in ("all/A", True), ("all/B", False):  # which was killed
         run(folder, "formed.png", part="unloaded", ends=ends)
         for name in ("photo.png", "unloaded/notes.txt"):
@@ -141,13 +141,13 @@ def test_the_verdict_is_first_then_the_part_and_six_numbers(tmp_path):
     facts |= {"quantities": found | {"plies": {"lower": {"draw_in": draw_in}}}, "error": errors}
     file.write_text(json.dumps({"wall_s": {}, "energy": {"strain": 4.0}, **facts}))
     (picture := tmp_path / "formed.png").touch()
-    text = page("dome", {"": (file, [picture])}, "what it is", "not believed: sheared")
+    text = page("dome", {"": (file, [picture])}, "what it is", "not valid: sheared")
     order = ["Verdict: invalid", "sheared by 89 deg", "The formed ply", "5 +- 0.5"]
     order += ["draw-in [mm]</th><td>12.5 +- 0.25</td><td>12.5 at (0, 60) mm", "<details>"]
     order += ["angle [deg]</th><td>-1.5 to 47.123</td>", "max at [mm]</th><td>(3, 4.5)</td>"]
     order += ["<th>own [N/mm]</th><td>1234.6 +- unknown</td>", "<th>largest [mm]</th><td>12.5 +- "]
     places = [text.index(words) for words in [*order, "what it is"]]
-    assert places == sorted(places) and "not believed: sheared" not in text
+    assert places == sorted(places) and "not valid: sheared" not in text
 
 
 SIZES = np.array([45.0, 40.0, 0.0])

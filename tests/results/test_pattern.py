@@ -111,11 +111,11 @@ def test_a_quarter_has_the_pattern_of_the_whole_ply(trim):
 @pytest.mark.parametrize(
     "form, trim, words",
     [
-        (np.array, [SQUARE + [0, 0, 0.51]], "0.51 mm away from the ply .* allowed is up to 0.5 mm"),
+        (np.array, [SQUARE + [0, 0, 0.51]], "0.51 mm away from the ply .* expected up to 0.5 mm"),
         (np.array, [SQUARE * 3.01], r"leaves the ply at \(-?60.2, .*\) mm; "),
         (np.array, [SQUARE[[0, 2, 1, 3, 0]]], r"bounds no sheet: self-intersection at \(0, 0\) mm"),
         (np.array, Plane((0, 0, 3), (0, 0, 2)), "which lies from -3 to -3 mm before it"),
-        (folded, [SQUARE[:, :2] + [25, 0]], "above itself at .*; allowed is a trim line wi"),
+        (folded, [SQUARE[:, :2] + [25, 0]], "above itself at .*; expected a trim line wi"),
     ],
 )
 def test_other_lines_are_not_allowed(form, trim, words):
@@ -182,7 +182,7 @@ def test_the_command(tmp_path, capsys):
         (["--plane", "z=-10", "--out", "no/where"], 2, "no/where.dxf can't be read or written"),
         (["--line", file, "--edge"], 0, "trim line, 0.18"),
         (["--plane", "-10,0,0,1,0,0"], 0, "area 5605"),  # begins with a minus
-        (["--plane", "z=-10"], 2, "pattern.dxf is there already; allowed is another file"),
+        (["--plane", "z=-10"], 2, "pattern.dxf exists already; choose another file"),
         (["--plane", "z=-10", "--overwrite"], 0, "pattern.dxf, .csv, .vtu: area 5146"),
     ):
         before = {*tmp_path.glob("pattern*")}

@@ -224,17 +224,17 @@ def test_nodes_of_several_ranks_are_one(tmp_path):
 @pytest.mark.parametrize("plies", [(), ("lower", "upper")])
 def test_the_command_exports_the_whole_part(tmp_path, capsys, plies):
     """Of a quarter, as its supports tell; a clamped end is no plane of symmetry. What is not
-    believed is exported with a warning."""
+    valid is exported with a warning."""
     planes = [ff.Support(f"{x} = 0", builders.near(k, 0.0), (k,)) for k, x in enumerate("xy")]
     folder = formed(tmp_path / "quarter", plies=plies, supports=planes)
     file, whole = tmp_path / "ply.inp", ", 96 cells, mirrored in x = 0 and y = 0"
     name = plies[0] if plies else "the ply"
     for words, status, told, count in (
         ((folder, file), 0, whole, max(1, len(plies))),
-        ((folder, file), 2, "ply.inp is there already; allowed is another file, or --over", 1),
+        ((folder, file), 2, "ply.inp exists already; choose another file, or --over", 1),
         (("--modelled", folder, file, "--overwrite"), 0, "), 24 cells\n", 1),
         ((folder, tmp_path / "ply.k"), 2, f"the thickness of {name} is not", 1),
-        ((folder, "ply.stl"), 2, "the ending of ply.stl is unknown; allowed are .vtu", 1),
+        ((folder, "ply.stl"), 2, "the ending of ply.stl is unknown; expected .vtu", 1),
     ):
         assert main.main(["export", *map(str, words)]) == status
         assert "".join(capsys.readouterr()).count(told) >= count

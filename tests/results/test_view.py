@@ -82,7 +82,7 @@ def test_the_command_writes_a_page_without_a_display(run, monkeypatch, capsys):
         for name in ("trame_vtk", "trame_vtk.modules.vtk", "trame_vtk.tools.vtksz2html"):
             patch.setitem(sys.modules, name, None)
         status, error = told(run, "--html", str(run / "a.html"))
-    assert status == 2 and "allowed is `pip install 'fabric_fenicsx[view]'` first" in error
+    assert status == 2 and "expected `pip install 'fabric_fenicsx[view]'` first" in error
     assert not (run / "a.html").exists()
     monkeypatch.setenv("DISPLAY", ":77")  # which nobody serves
     monkeypatch.setattr(space, "page", lambda folder, field: f"{folder} {field}")

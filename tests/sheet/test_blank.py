@@ -269,7 +269,7 @@ def test_a_strip_that_is_slit_from_end_to_end_is_two_strips():
     strips = (ff.BiasExtension(**strip, **how, strain=0.02) for how in (slit, {"width": 20}))
     two, one = (each.job(steps=2).run(pictures=False).rows[-1] for each in strips)
     assert two["reaction_N"] == pytest.approx(2 * one["reaction_N"], rel=1e-9)
-    with pytest.raises(ff.InputError, match="along 0 of the 40 mm of `slits`; allowed are lines"):
+    with pytest.raises(ff.InputError, match="along 0 of the 40 mm of `slits`; expected lines"):
         ff.Blank.rectangle(100, 40, nx=10, slits=[[[20, 17], [60, 17]]])
 
 
@@ -291,7 +291,7 @@ def test_a_sheet_is_moved_by_the_middle_of_its_extent():
     moved, (told,) = moved_sheet(points, "s.msh", True, 5.0)
     assert moved == pytest.approx(np.array([[-5, -2, 5], [-4, -2, 5], [5, 2, 5.0]]))
     assert "lies in z = 1 mm and was put in z = 5" in told
-    with pytest.raises(ff.InputError, match="allowed is a flat sheet"):
+    with pytest.raises(ff.InputError, match="expected a flat sheet"):
         moved_sheet(points + 2e-6 * np.eye(3)[[0, 0, 2]], "s.msh", False, 5.0)
     for off, doubts in ((0.9e-5, 0), (1.1e-5, 1)):
         assert len(moved_sheet(points, "s.msh", False, 1 - off)[1]) == doubts

@@ -141,8 +141,8 @@ def test_what_is_not_read_is_named(drawing):
 
     sheet, (told,) = drawing(draw)
     assert sheet.area == pytest.approx(8000)
-    assert "has 1 HATCH, 1 INSERT, 1 POLYLINE, not read; allowed are L" in told
-    with pytest.raises(InputError, match="has no lines, but 1 HATCH; allowed are LINE, "):
+    assert "has 1 HATCH, 1 INSERT, 1 POLYLINE, not read; expected L" in told
+    with pytest.raises(InputError, match="has no lines, but 1 HATCH; expected LINE, "):
         drawing(lambda space: space.add_hatch())
 
 
@@ -158,7 +158,7 @@ def test_what_is_wrong_in_a_drawing_is_told(drawing, table):
         drawing(gap)
     with pytest.raises(InputError, match="reaches over 50 mm in z"):
         drawing(steep)
-    with pytest.raises(InputError, match="cannot be read .* allowed is a drawing"):
+    with pytest.raises(InputError, match="cannot be read .* expected a drawing"):
         table("hello\nworld\n", "ply.dxf")
 
 

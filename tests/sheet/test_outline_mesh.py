@@ -119,7 +119,7 @@ LIMITS = [  # a sheet, size and pattern with what is told of it, and one without
     ((holed(0.79), 8.0), "a hole of 0.", (holed(0.81), 8.0)),
     ((narrow(0.75), 8.0), "the outline is 0.", (narrow(0.82), 8.0)),
     ((narrow(0.0079), 8.0), "comes within 0.", (narrow(0.0081), 8.0)),
-    ((SHEETS["ellipse"], 30.1), "allowed is up to half of it", (SHEETS["ellipse"], 29.9)),
+    ((SHEETS["ellipse"], 30.1), "expected up to half of it", (SHEETS["ellipse"], 29.9)),
     ((BOX, 0.1519), "mm, about 1e6 cells", (BOX, 0.152)),
     ((BOX, 0.1999, "along"), "mm, about 1e6 cells", (BOX, 0.2001, "along")),
 ]

@@ -99,7 +99,7 @@ def test_work_that_is_missing_is_compared_with_the_largest(work, rise, stored, c
 
 def test_limits_of_a_step():
     """Of work that is missing and of the straight path, twice the accuracy, if asked for."""
-    told = "3 % of the step's work is not in the energies; allowed is 2 %"
+    told = "3 % of the step's work is missing from the energies; expected 2 %"
     assert imbalance(0.03, 0.02) == told
     assert not imbalance(0.03, None) and not imbalance(0.02, 0.02)
     assert "by more than the accuracy of 0.01 allows" in off_path(0.0201, 0.01)

@@ -198,7 +198,7 @@ def test_a_march_goes_on_from_a_state_under_drag():
         assert newton.scene.energy() == pytest.approx(energy, rel=1e-9)
     start.viscosity = Viscosity(drag=1e20, stiffness=1.0)
     outcome = march(newton, steps=10, start=start)
-    assert outcome.reached == 1 and "still creeps after 40 steps at rest" in outcome.reason
+    assert outcome.reached == 1 and "still creeps after 40 steps at constant load" in outcome.reason
 
 
 class Torn(ff.Term):

@@ -31,7 +31,7 @@ def test_the_press_as_it_was_run_is_beside_its_results(launch, run_script, tmp_p
     press.write_text("# mine\n" + press.read_text())
     script = ROOT / "studies/form.py", "press.toml", *SMALL[3:], "--out"
     status, _, err = run_script(run.folder, *script, ".", "--overwrite")
-    assert status == 2 and "holds inputs, or what no run of it wrote: press.toml" in err
+    assert status == 2 and "holds inputs, or files that no run of it wrote: press.toml" in err
     assert run_script(run.folder, *script, "../again")[0] == 0
     again = json.loads((tmp_path / "again/summary.json").read_text())
     assert again["reaction_N"] == pytest.approx(run.summary["reaction_N"], rel=1e-9)
@@ -76,7 +76,7 @@ def test_the_disturbed_press_is_whole_and_its_punch_aside():
 
 def test_a_mesh_from_a_file_gets_no_finer_cells(tmp_path):
     sheet = ff.Sheet(ff.load("komeili"), mesh=str(tmp_path / "ply.msh"))
-    with pytest.raises(ff.InputError, match="ply.msh can't be made finer; allowed is a rectangle"):
+    with pytest.raises(ff.InputError, match="ply.msh can't be made finer; expected a rectangle"):
         sheet.finer(2.0)
     outline = ff.Sheet(ff.load("komeili"), outline="ply.dxf", size=9.0)
     assert outline.finer(3.0).size == 3.0

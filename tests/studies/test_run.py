@@ -208,7 +208,7 @@ def test_full_disk(launch, tmp_path, whole, limit):
     words = [python, "-c", SMALL_DISK, script, str(limit), *options]
     done = subprocess.run(words, capture_output=True, text=True)
     assert done.returncode == 2, done.stderr
-    told = r"studies/tensile.py: error: \S+ can't be .*\(File too large\); allowed is .*\n"
+    told = r"studies/tensile.py: error: \S+ can't be .*\(File too large\); expected .*\n"
     assert re.fullmatch(told, done.stderr)
     assert not list(folder.glob("*.part"))
     if (folder / "checkpoint.npz").exists():

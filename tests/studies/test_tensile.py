@@ -95,7 +95,7 @@ def test_comparison_of_the_variants(launch):
     done = launch("tensile", "--quick", "--compare")
     assert done.status == 0, done.err
     assumed, *_ = done.out.splitlines()
-    assert assumed.startswith("no test has determined these numbers of komeili: d = 0.65 MPa")
+    assert assumed.startswith("no test has determined these parameters of komeili: d = 0.65 MPa")
     found = done.summary["quantities"]
     force = {name: found[name]["reaction_N"] for name in found}
     assert force["FABRIC"] == pytest.approx(50 * (3 * 4130 * 0.03**2 + 2 * 667.5 * 0.03), rel=1e-9)

@@ -20,7 +20,7 @@ given = p.parse_args()
 values = {k: float(v) for k, v in (word.split("=", 1) for word in given.set)}
 pressure = values["ring.pressure"]
 if pressure < 0:
-    print("a first line\nfabric form: error: ring.pressure is -1; allowed is a number from 0")
+    print("a first line\nfabric form: error: ring.pressure is -1; expected a number from 0")
     sys.exit(2)
 if given.dry_run:
     print("4 cells\nthe run takes 1 to 2 s\nmemory 3 MiB")

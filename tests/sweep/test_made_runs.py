@@ -63,11 +63,11 @@ def test_scatter_of_four_runs(made):
     assert [*spreads] == ["q"] and told[0].splitlines() == [
         "length [mm]: mean 10, standard deviation 2.65, 90 % of 4 runs between 7.65 and 13.05",
         "  a from 0 to 4: +8 +- 3, 68 % of the variance",
-        "  not by straight lines: 32 %",
+        "  not explained linearly:  32 %",
     ]
     assert told[1:3] == ["q below 8.5: in 1 of 4 runs", "q below 8.6: in 2 of 4 runs"]
-    assert told[3].startswith("1 of 5 runs are not believed and left out")
-    with pytest.raises(SolverFailure, match="4 of 5 runs are believed, too few"):
+    assert told[3].startswith("1 of 5 runs are not valid and left out")
+    with pytest.raises(SolverFailure, match="4 of 5 runs are valid, too few"):
         results.told([*runs, lost], ranges, labels)
 
 
@@ -91,7 +91,7 @@ def test_a_design_fills_its_ranges():
         ((6, 1, 2), (5, 1, 1), 2, "up to p = 3 (between runs, interpolated)"),
         ((1, 2, 4, 6), (5, 1, 1, 2), 1.5, "from p = 1.875 on and up to p = 5 (between"),
         ((1, 2), (4, 3), 4.5, "in all runs, from p = 1 on"),
-        ((1, 2), (4, 3), 3, "in no run; the least is 3 at p = 2"),
+        ((1, 2), (4, 3), 3, "in no run; the smallest value is 3 at p = 2"),
     ],
 )
 def test_where_a_quantity_is_below_a_limit(line, p, q, limit, told):
@@ -108,10 +108,10 @@ def test_runs_without_a_value_are_left_out_with_the_reason(line):
     assert below(runs, "q", 3).split("; ")[:4] == [
         "q below 3: from p = 2 on (between runs, interpolated)",
         "left out, as doubted, see the table: p = 2",
-        "left out, as not believed: p = 4",
+        "left out, as not valid: p = 4",
         "left out, as without a value: p = 5",
     ]
-    assert "no run is believed and has a value; left" in below(runs[2:], "q", 3)
+    assert "no run is valid and has a value; left" in below(runs[2:], "q", 3)
 
 
 def test_the_error_of_the_cells_is_told(line):
@@ -137,7 +137,7 @@ def test_numbers_and_verdict_of_a_run(made):
         (0, "doubtful", 0.99, "doubtful", True, False),
     ):
         run = made({}, status, verdict=verdict, stroke_reached=load)
-        assert [run.verdict(), run.is_believed(), run.is_at_full_load()] == told
+        assert [run.verdict(), run.is_valid(), run.is_at_full_load()] == told
     other = made({}, 3, options=["--nx=4"], stroke_reached=0.99)  # is tried again with others
     assert other.is_done(["--nx=4"]) and not other.is_done([]) and made({}, 3).is_done(["--nx=4"])
     assert not made({}, None).is_done([])

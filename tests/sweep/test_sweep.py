@@ -28,7 +28,7 @@ class Fake(SweepRun):
 
     def read(self, values):
         if values.get("ring.pressure") == "0":
-            raise InputError("ring.pressure is 0; allowed is another number")
+            raise InputError("ring.pressure is 0; expected another number")
 
     def scatter(self):
         return [folder.Range("fabric.factor", 0.5, 1.5)]
@@ -87,7 +87,7 @@ def test_a_dry_run_tells_costs_and_leaves_nothing_that_counts_as_done(run):
 
 def test_a_run_that_gave_up_stays_with_its_reason_until_options_change(run):
     status, out, err = run(*pressures("0.1,2"))
-    assert status == 3 and "1 of 2 runs are not believed" in err
+    assert status == 3 and "1 of 2 runs are not valid" in err
     assert "pressure=2: gave up at load 0.5: no step is small enough" in out
     assert table()[1]["reason"] == "no step is small enough"
     run(*pressures("0.1,2"))
@@ -99,15 +99,15 @@ def test_a_run_that_gave_up_stays_with_its_reason_until_options_change(run):
 
 def test_bad_input_of_a_run_ends_the_sweep_with_its_sentence(run):
     status, _, err = run(*pressures("0.1,-1"), "--", "--slow", "600")
-    words = "error: run pressure=-1: ring.pressure is -1; allowed is a number from 0\n"
+    words = "error: run pressure=-1: ring.pressure is -1; expected a number from 0\n"
     assert status == 2 and err.endswith(words)
 
 
 BAD_WORDS = """
---vary ring.pressure=1,0 | ring.pressure is 0; allowed is another number
+--vary ring.pressure=1,0 | ring.pressure is 0; expected another number
 --scatter 8 --vary a=1..2 --vary b=1..2 --vary c=1..2 | allowed for 4 numbers is 16 or more
---vary a=1 -- --out x | option --out is behind --; allowed are options
---vary a=1,2 --only 3 | --only is 3; allowed is 1 to 2
+--vary a=1 -- --out x | option --out is behind --; expected options
+--vary a=1,2 --only 3 | --only is 3; expected 1 to 2
 --vary a=1 --slurm press.toml | --slurm press.toml is there already
 """
 
@@ -171,7 +171,7 @@ def test_a_limit_is_looked_for_between_runs(run):
     name that the first run does not have ends the sweep, which then goes on."""
     vary, below = pressures("0.05,0.1,0.15"), "shortening_mean=0.02"
     status, _, err = run(*vary, "--jobs", "1", "--below", "wrinkle.count=2")
-    assert status == 2 and "(did you mean wrinkles.count?); allowed are " in err
+    assert status == 2 and "(did you mean wrinkles.count?); expected " in err
     assert [*starts()] == ["pressure=0.05"]
     _, out, _ = run(*vary, "--below", below)
     assert "from pressure = 0.1288 on" in out and "1 done before" in out
@@ -210,7 +210,7 @@ def test_pictures_and_a_page_with_doubts_and_links(run):
     page = Path("out/report.html").read_text()
     assert Path("out/curves.png").exists() and Path("out/trends.png").exists()
     assert page.count("data:image/png") == 2 and not Path("out/maps.png").exists()
-    assert "4 runs, 3 of them believed" in page and "<th>punch force [N]</th>" in page
+    assert "4 runs, 3 of them valid" in page and "<th>punch force [N]</th>" in page
     assert "ended at load 0.5: no step is small enough" in page
     assert page.count("<li>wrinkles are rough</li>") == 1
 

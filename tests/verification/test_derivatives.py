@@ -46,7 +46,7 @@ def soft(g):
         (soft, 1.0, "derivatives agree"),
         (soft, 1.5, "law soft: tau and differences of energies differ by 0.33 of the largest at"),
         (lambda g: soft(g) + 0.006 * g, 1.0, "the stress tau of law soft is 0.006 MPa in fabric"),
-        (lambda g: soft(g) - 0.1 * g**4, 1.0, "energy at rest and the least one differ by 1 of"),
+        (lambda g: soft(g) - 0.1 * g**4, 1.0, "energy at rest and its minimum differ by 1 of"),
         (lambda g: soft(g) + 1e-4 * (log(1 - 2 * g) + 2 * g), 1.0, "energies are not numbers at"),
     ],
 )
@@ -99,7 +99,7 @@ def kink(count):
         ({"gap": 2.0, "normal": 2.0, "curvature": 2.0}, "Ball: gaps and distances along the"),
         ({"normal": np.nan}, "Ball: normals and differences of gaps are not numbers at"),
         ({"gap": np.nan}, "Ball: gaps to the nearest point are not numbers at"),
-        ({"radius": 40.0}, "Ball: radii of curvature and least `radii` differ by 0.25 of the"),
+        ({"radius": 40.0}, "Ball: radii of curvature and smallest `radii` differ by 0.25 of the"),
         # the foot of a gap that is too large by a share is below the surface by twice that share
         (dict.fromkeys(("gap", "normal", "curvature"), 1 + 4e-5), "derivatives agree"),
         (dict.fromkeys(("gap", "normal", "curvature"), 1 + 7e-5), "gaps and distances along the"),

@@ -14,7 +14,7 @@ from .model import STRAINS, TESTS, Curve, Table, bias_angle, unit_inside, units
 def check_length(table: Table, least: int) -> None:
     """InputError for a table of fewer rows than `least`."""
     if len(table.rows) < least:
-        text = f"{len(table.rows)} points are left to be fitted; allowed is {least} or more"
+        text = f"{len(table.rows)} points remain to be fitted; expected {least} or more"
         raise InputError(f"row {[table.top, *table.rows][-1]}: {text}")
 
 
@@ -25,7 +25,7 @@ def check_values(name: str, table: Table, runs: str, measured: Sequence[str]) ->
     for column, flags, words, allowed in of_test(name, table, runs, measured):
         for k in np.flatnonzero(flags)[:1]:
             text = f"{column} is {_value(table.columns[column][k], column)}{words}"
-            raise InputError(f"row {table.rows[k]}: {text}; allowed is {allowed}")
+            raise InputError(f"row {table.rows[k]}: {text}; expected {allowed}")
 
 
 def _value(value, column):
@@ -57,19 +57,19 @@ def _faults(name, table, runs, measured):
         largest = values[peak]
         allowed = "within +-1e9 (is it a mark of overload?)"
         yield column, np.abs(columns[column]) > 1e9, "", allowed
-        yield column, values * 0 == largest, " in every row", "what a law can be fitted to"
+        yield column, values * 0 == largest, " in every row", "the range of the law"
         side, why = (-1, "free sides narrow") if narrows else (sign, f"of the test {name}")
         if not narrows and sign < 0 and "gamma" in columns:
             side = 0  # compressed and sheared, k_SC can make it a pull
-        allowed = f"at {'least' if side > 0 else 'most'} 0, {why} (is its sign turned?)"
+        allowed = f"at {'least' if side > 0 else 'most'} 0, {why} (is its sign wrong?)"
         wrong = min(largest * side, columns[column][peak] * side) < 0
         yield column, (row == peak) & wrong, "", allowed
         flags, allowed = np.abs(values) > 0.2 * abs(largest), "up to 20 % of its peak there"
-        words = " before anything is strained"
-        yield column, undeformed & flags, words, f"{allowed} (take the offset off)"
+        words = " at the start"
+        yield column, undeformed & flags, words, f"{allowed} (subtract the offset)"
         share = f"{100 * values[-1] / largest:.0f} % of its value in row {table.rows[peak]}"
         flags = (row == row[-1]) & (np.abs(values) < 0.5 * abs(largest))
-        allowed = "50 % or more (keep the rows before yarns break)"
+        allowed = "50 % or more (keep only rows before yarns break)"
         yield column, flags & name.startswith("uniaxial"), f" and has fallen to {share}", allowed
 
 
@@ -95,8 +95,8 @@ def origin_remarks(name: str, table: Table, moved: str, stated: Mapping) -> Iter
     x, zero = np.abs(table.columns[moved]), table.columns["F"][0]
     force = np.abs(table.columns["F"] - zero)
     if "zero" not in stated and x[0] <= 0.01 * x[-1] and abs(zero) > 0.02 * force.max():
-        reading = f"F is {rounded(zero)} N before anything is strained"
-        yield f"{reading}; if that is no load, state `# zero: {rounded(zero)} N`"
+        reading = f"F is {rounded(zero)} N at the start"
+        yield f"{reading}; if this is an offset, state `# zero: {rounded(zero)} N`"
     early = (force > 0.05 * force.max()) & (force < 0.15 * force.max()) & (x < x[-1])
     if "slack" in stated or early.sum() < 3 or not np.ptp(x[early]):
         return
@@ -107,7 +107,7 @@ def origin_remarks(name: str, table: Table, moved: str, stated: Mapping) -> Iter
         unit = {"displacement": "mm", "gamma": "deg"}.get(moved, "%")
         most = f"{rounded(toe / units(moved)[unit], 2)} {unit}"  # of a curve that bends upwards
         tangent = f"the tangent at 10 % of the peak meets zero force at {most}"
-        yield f"{tangent}; if that is slack, state it as `# slack: {most}` or less"
+        yield f"{tangent}; if this is slack, state it as `# slack: {most}` or less"
 
 
 def angle_remarks(table: Table, lengths: Mapping[str, float]) -> Iterator[str]:
@@ -141,4 +141,4 @@ def copies(curves: Sequence[Curve]) -> Iterator[str]:
         values = np.column_stack([curve.strains, *(each.values for each in curve.responses)])
         if (other := first.setdefault(values.tobytes(), curve.file)) != curve.file:
             flaw = f"{curve.file} has the values of {other}, row by row"
-            yield f"{flaw}; allowed is each test once, and as one kind of test"
+            yield f"{flaw}; list each test once, and as one kind of test"

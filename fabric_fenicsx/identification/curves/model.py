@@ -138,7 +138,7 @@ class Table(NamedTuple):
         values = sign * self.columns[column]
         below = (values < 0) & (values >= -self.noise * values.max(initial=0.0))
         rows = some([f"row {row}" for row in np.array(self.rows)[below]])
-        words = [f"{rows} left out, as {column} is by noise beyond 0 there"]
+        words = [f"{rows} left out, because noise puts {column} beyond 0 there"]
         return (self.kept(~below), words) if below.any() else (self, [])
 
     def loading_branch(self, column: str) -> tuple["Table", list[str]]:
@@ -149,21 +149,21 @@ class Table(NamedTuple):
         size = x - x[:1]
         if not size.any():
             flaw = f"{column} is {x[0]:.4g} {unit_inside(column)} in every row"
-            raise InputError(f"row {self.rows[-1]}: {flaw}; allowed is to rise or fall")
+            raise InputError(f"row {self.rows[-1]}: {flaw}; expected to rise or fall")
         size = size * np.sign(size[np.abs(size).argmax()])
         top = np.maximum.accumulate(size)
         stop = int(np.argmax(np.append(top - size > self.noise * size.max(), True)))
         if top[stop - 1] < 0.99 * size.max():
             turn = f"{x[stop]:.4g} {unit_inside(column)} after {x[stop - 1]:.4g}"
             allowed = "to rise or fall throughout (keep one loading branch)"
-            raise InputError(f"row {self.rows[stop]}: {column} is {turn}; allowed is {allowed}")
+            raise InputError(f"row {self.rows[stop]}: {column} is {turn}; expected {allowed}")
         end, rows, remarks = int(size[:stop].argmax()), self.rows, []
         if end + 1 < len(size):
-            loop = f"{column} turns back behind row {rows[end]}: of the loop the loading branch"
+            loop = f"{column} reverses after row {rows[end]}: of the loop the loading branch"
             remarks.append(f"{loop} is fitted, rows {rows[0]} to {rows[end]}")
         if (still := np.flatnonzero(np.diff(size[: end + 1]) <= 0) + 1).size:
             places = some([f"row {rows[k]}" for k in still])
-            remarks.append(f"{column} does not move on in {places}; read as scatter")
+            remarks.append(f"{column} does not increase in {places}; treated as scatter")
         return self.kept(np.arange(end + 1)), remarks
 
     def way_back(self, column: str, turn: int) -> "Table":

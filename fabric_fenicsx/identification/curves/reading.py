@@ -31,10 +31,10 @@ def read(path: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
     tests, problems = list[Curve | CompactionTest](), list[str]()
     if not names:
         allowed = 'a CSV file a test, or files of other names with a table [tests."NAME"] each in'
-        problems.append(f"{folder} has no *.csv; allowed is {allowed} sheet.toml")
+        problems.append(f"{folder} has no *.csv; expected {allowed} sheet.toml")
     for name in sorted({*sheet.keys} - {*names}):
         lost = f"{folder / 'sheet.toml'}: tests.{name!r} is no file"
-        problems.append(f"{lost}; allowed are {', '.join(names)}")
+        problems.append(f"{lost}; expected {', '.join(names)}")
     for name in names if path in (folder, folder / "sheet.toml") else [path.name]:
         try:
             tests.append(_read_test(folder / name, sheet))
@@ -64,7 +64,7 @@ def _sheet(document):
     name, balanced = str(document.pop("name", "")), document.pop("balanced", None)
     if not isinstance(balanced, bool):
         allowed = "true (warp and weft are equal) or false"
-        raise InputError(f"balanced is {balanced!r}; allowed is {allowed}")
+        raise InputError(f"balanced is {balanced!r}; expected {allowed}")
     assumed, units = files.take_table(document, "assumed"), files.take_units(document)
     columns, csv, tests = (files.take_table(document, key) for key in ("columns", "csv", "tests"))
     keys = {file: files.take_table(tests, file) for file in [*tests]}
@@ -76,12 +76,12 @@ def _sheet(document):
                 raise unknown_key(key, signs, f"csv.{key}")
             choices = signs[key] if table is csv else ()
             if not isinstance(text, str):
-                raise InputError(f'{label}.{key} is {text!r}; allowed is a text, as "200 mm"')
+                raise InputError(f'{label}.{key} is {text!r}; expected a text, as "200 mm"')
             if table is columns and text.split(" ")[0] not in model.COLUMNS:
                 raise unknown_key(text, model.COLUMNS, f"columns.{key} {text!r}")
             if choices and text not in choices:
                 one = ", ".join(map(repr, choices))
-                raise InputError(f"csv.{key} is {text!r}; allowed is one of {one}")
+                raise InputError(f"csv.{key} is {text!r}; expected one of {one}")
     also = "name", "balanced", "assumed", "units"
     numbers, weight = files.read_sheet_numbers(document, units, also, files.FIBRES)
     needed = "as thickness_mm = 1.2, and density_g_per_cm3 or areal_weight_g_per_m2"
@@ -168,7 +168,7 @@ def _curve(file, table, keys, thickness, remarks):
         if len(less.rows) >= model.MIN_POINTS:
             angles, (column,) = less.columns[runs] - loose, measured
             back = angles, model.response(column, less.columns[column], angles, *specimen)
-            notes.append(f"friction is fitted to the way back, to row {less.rows[-1]}")
+            notes.append(f"friction is fitted to the unloading branch, up to row {less.rows[-1]}")
     rows, noise = np.array(table.rows), _noise(keys.texts, responses, thickness)
     moved_by = columns["displacement"] if "displacement" in raw.values() else None
     what = file, keys.test, strains, tuple(responses), rows, model.STRAINS.index(runs), keys.free
@@ -181,7 +181,7 @@ def _compaction_test(file, table, keys, sheet, remarks):
     (column,) = {*table.columns} - {"pressure"}
     if column == "fibre_volume_fraction" and sheet.fibre_density is None:
         allowed = "a line fibre_density_g_per_cm3 = 2.54 in sheet.toml, for example"
-        raise InputError(f"the column {column} needs the fibres' density; allowed is {allowed}")
+        raise InputError(f"the column {column} needs the fibres' density; expected {allowed}")
     checks.check_length(table, 4)  # to tell three numbers
     checks.check_values(keys.test, table, "pressure", [column])
     values = table.columns[column]
@@ -204,16 +204,16 @@ def _keys(lines, stated):
         is_quantity = value[:1] in "+-.0123456789" and {*unit.split("/")} <= model.ALL_UNITS
         if key in model.KEYS and (sign or is_quantity):
             if key in texts:
-                problems.append(f"row {row}: the key {key} is repeated; allowed is once")
+                problems.append(f"row {row}: the key {key} is repeated; expected once")
             texts.setdefault(key, (f"row {row}", value))
         elif sign and (is_quantity or difflib.get_close_matches(key, model.KEYS, 1, 0.75)):
             problems.append(str(unknown_key(key, model.KEYS, f"row {row}: the key {key}")))
         elif sign and key.isidentifier():
-            unread.append(f"the line {key!r} is not read")
+            unread.append(f"the line {key!r} is ignored")
     place, name = texts.pop("test", ("", ""))
     if name not in TESTS:
         where = 'in the file or in its table [tests."NAME"] of sheet.toml'
-        no_test = f"no line `# test: ...` states the test; allowed are {', '.join(TESTS)}, {where}"
+        no_test = f"no line `# test: ...` states the test; expected {', '.join(TESTS)}, {where}"
         unknown = unknown_key(name, TESTS, f"{place}: test {name!r}")
         _refuse([*problems, str(unknown) if name else no_test])
     test = TESTS[name]
@@ -226,10 +226,10 @@ def _keys(lines, stated):
     ]
     for key in (key for key in test.keys if key not in texts):
         example = f"`# {key}: {'free` or `held' if key == 'lateral' else '200 mm'}`"
-        problems.append(f"the test {name} needs a line for {key}; allowed is {example}")
+        problems.append(f"the test {name} needs a line for {key}; expected {example}")
     place, lateral = texts.get("lateral", ("", "held"))
     if lateral not in ("held", "free"):
-        problems.append(f"{place}: lateral is {lateral!r}; allowed is held or free")
+        problems.append(f"{place}: lateral is {lateral!r}; expected held or free")
     _refuse(problems)
     others = "noise", "lateral", "slack", "zero", "strain"
     lengths = {
@@ -241,7 +241,7 @@ def _keys(lines, stated):
     ):
         if large in lengths and lengths[large] < factor * lengths[small]:
             sizes = f"{large} is {lengths[large]:g} mm and {small} {lengths[small]:g} mm"
-            raise InputError(f"{sizes}; allowed is {least}")
+            raise InputError(f"{sizes}; expected {least}")
     free, measured = None, test.measured
     if "lateral" in texts:  # of test uniaxial_a or uniaxial_b
         along = "ab".index(name[-1])
@@ -258,7 +258,7 @@ def _quantity(key, stated, factors):
     rule = {"zero": FINITE, "slack": FROM_ZERO}.get(key, POSITIVE)
     if not (math.isfinite(value) and rule.test(value)):
         allowed = f"{rule.allowed} with one of the units {', '.join(factors)}"
-        raise InputError(f"{place}: {key} is {text!r}; allowed is {allowed}")
+        raise InputError(f"{place}: {key} is {text!r}; expected {allowed}")
     return value
 
 
@@ -271,7 +271,7 @@ def _noise(texts, responses, thickness):
         return match[2], _quantity("noise", (place, f"{match[1]} %"), {"%": 0.01})
     if len(responses) > 1 or "%" in text:
         raise InputError(
-            f"{place}: noise is {text!r}; allowed is `2 % of maximum` or `2 % of value`, "
+            f"{place}: noise is {text!r}; expected `2 % of maximum` or `2 % of value`, "
             "or a number with a unit if one column is measured"
         )
     return "absolute", _quantity("noise", texts["noise"], units(responses[0].column, thickness))
@@ -302,7 +302,7 @@ def _table(lines, keys, sheet):
             once = (
                 f'(a line `{name} = "{column}"` in [columns] of sheet.toml says which one counts)'
             )
-            problems.append(f"{place}: the column {column} is repeated; allowed is once {once}")
+            problems.append(f"{place}: the column {column} is repeated; expected once {once}")
         elif column not in allowed:
             label = f"{place}: column {column} of {keys.test}"
             problems.append(str(unknown_key(column, allowed, label)))
@@ -313,13 +313,13 @@ def _table(lines, keys, sheet):
             problems.append(str(unknown_key(unit, known, label)))
         else:
             example = f"{column} [{unit_inside(column)}], for example, or a row of units below"
-            problems.append(f"{place}: the column {column} has no unit; allowed is {example}")
+            problems.append(f"{place}: the column {column} has no unit; expected {example}")
         header.setdefault(column, unit)
     _refuse([*problems, *(f"{place}: {words}" for words in _of_columns(keys, header, unread))])
     while cells.rows and not any(cells.cells[-1][i].strip() for i in factors):
         cells.rows.pop(), cells.cells.pop()  # of a longer test beside this one
     columns = values_of(cells, factors, csv.get("decimal"))
-    sentences = [f"column {name!r} is not read; see [columns] of sheet.toml" for name in unread]
+    sentences = [f"column {name!r} is ignored; see [columns] of sheet.toml" for name in unread]
     return Table(columns, header, cells.rows, cells.top), [*keys.unread, *sentences]
 
 
@@ -336,18 +336,18 @@ def _of_columns(keys, header, unread):
             if wrong := ", ".join(map(repr, unread)):
                 line = f'a line `NAME = "{names[0]}"` in [columns] of sheet.toml'
                 known = ", ".join(model.COLUMNS)
-                yield f"columns {wrong} are unknown; allowed are {known}, or {line}"
+                yield f"columns {wrong} are unknown; expected {known}, or {line}"
             break
     pairs = [(column, raw) for raw, (column, _) in test.raw.items() if column != "gamma"]
     pairs += [("gamma", "exx"), ("tau", "F_sh"), ("thickness", "fibre_volume_fraction")]
     for pair in pairs:
         if {*pair} <= {*header}:
-            yield f"both columns {' and '.join(pair)} are given; allowed is one of them"
+            yield f"both columns {' and '.join(pair)} are given; expected one of them"
     measure = keys.texts.get("strain", ("", "not stated"))[1]
     if by_image and measure not in model.MEASURES:
         allowed = ", ".join(f"`# strain: {name}`" for name in model.MEASURES)
-        yield f"the strain of exx is {measure}; allowed is {allowed}"
+        yield f"the strain of exx is {measure}; expected {allowed}"
     for raw, (column, key) in test.raw.items():
         if raw in header and key not in keys.texts:
             allowed = f"a line `# {key}: 50 mm`, or the column {column}"
-            yield f"the column {raw} needs the strip's {key}; allowed is {allowed}"
+            yield f"the column {raw} needs the strip's {key}; expected {allowed}"

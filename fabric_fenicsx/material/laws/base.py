@@ -58,32 +58,32 @@ class Law(Material, Energy):
     _: KW_ONLY
     thickness: float = parameter(None, "thickness of the sheet [mm]", 1.0)
     density: float = parameter(None, "mass per volume of the sheet [g/cm3]", 0.75)
-    name: str = parameter(None, "in results and messages", "")
+    name: str = parameter(None, "used in results and messages", "")
     compaction: Compaction | None = parameter(
-        None, "thickness under pressure; None for fabric that keeps its thickness", Compaction()
+        None, "law of compaction; None for rigid faces", Compaction()
     )
     shear_friction: ShearFriction | None = parameter(
-        None, "of yarns that turn on each other, `ShearFriction`; None for elastic shear", None
+        None, "friction between yarns in shear, `ShearFriction`; None for elastic shear", None
     )
     bending_friction: BendingFriction | None = parameter(None, "the same in bending", None)
     bending: MeasuredBending | None = parameter(
-        None, "`MeasuredBending`, as tests tell it; None for that of the sheet, by a modulus", None
+        None, "measured bending, `MeasuredBending`; None for the bending modulus of the sheet", None
     )
     fibre_density: float | None = parameter(
-        None, "mass per volume of the fibres [g/cm3], None if not known", None
+        None, "density of the fibres [g/cm3], None if unknown", None
     )
     fibre_share: float | None = parameter(
-        None, "share of the mass that is fibres, where it brings its matrix; None for all", None
+        None, "mass fraction of fibres in fabric that contains its matrix; None for 1", None
     )
     at_temperatures: Mapping[float, Mapping[str, float]] = parameter(
-        None, "{temperature [deg C]: {number or factor: value}}, for `at`", dict, hash=False
+        None, "{temperature [deg C]: {parameter or factor: value}}, for `at`", dict, hash=False
     )
     # where numbers are from does not make another fabric
     assumed: tuple[str, ...] = parameter(
-        None, "names of numbers that no test tells", (), compare=False
+        None, "names of parameters that no test has determined", (), compare=False
     )
     scatter: Scatter = parameter(
-        None, "{number or factor: (lowest, highest)}, for `fabric sweep`", dict, compare=False
+        None, "{parameter or factor: (lowest, highest)}, for `fabric sweep`", dict, compare=False
     )
 
     def __init_subclass__(cls) -> None:
@@ -92,11 +92,11 @@ class Law(Material, Energy):
         flaw = ""
         # the same class again, as from a notebook's cell run twice, replaces itself
         if (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
-            flaw = f"of class {cls.__name__} is {cls.law!r}; allowed is a name of its own, other "
+            flaw = f"of class {cls.__name__} is {cls.law!r}; expected a name of its own, other "
             flaw += f"than {', '.join(sorted(LAWS))}"
         elif has_energy and cls.derivatives != Law.derivatives:
-            flaw = f"{cls.law} has an `energy` of its own and inherits closed-form `derivatives`; "
-            flaw += "allowed is `derivatives = ff.Law.derivatives`, or own ones"
+            flaw = f"{cls.law} has an `energy` of its own but inherits closed-form `derivatives`; "
+            flaw += "expected `derivatives = ff.Law.derivatives`, or its own"
         if flaw:
             raise InputError(f"law {flaw}")
         LAWS[cls.law] = cls
@@ -114,7 +114,7 @@ class Law(Material, Energy):
                 object.__setattr__(self, name, rule.check(name, value))
         if self.fibre_density is not None and not self.fibre_density > self._fibre_mass:
             raise InputError(
-                f"fibre_density is {self.fibre_density:g} g/cm3; allowed is more than the "
+                f"fibre_density is {self.fibre_density:g} g/cm3; expected more than the "
                 f"{self._fibre_mass:g} g of fibres in 1 cm3 of fabric (by `fibre_share`, if it has "
                 "a matrix)"
             )
@@ -126,7 +126,7 @@ class Law(Material, Energy):
     def _checked_temperatures(self):
         tables = {FINITE.check("temperature", t): at for t, at in self.at_temperatures.items()}
         if len(tables) == 1:
-            raise InputError(f"at has the temperature {min(tables):g} alone; allowed are 2 or more")
+            raise InputError(f"at has only the temperature {min(tables):g}; expected 2 or more")
         rules, names = self.rules_at_temperatures(), {*next(iter(tables.values()), ())}
         for temperature, numbers in tables.items():
             where = f"at temperature {temperature:g}: "
@@ -156,8 +156,8 @@ class Law(Material, Energy):
                 value = "missing" if t is None else f"{t:g}"
                 ends = f"from {known[0]:g} to {known[-1]:g} deg C" if known else "none"
                 raise InputError(
-                    f"`temperature` is {value}; allowed is {ends}, as material {self.label} has "
-                    f"{'' if known else 'no '}numbers at temperatures, [[at]]"
+                    f"`temperature` is {value}; expected {ends}, as material {self.label} has "
+                    f"{'' if known else 'no '}parameters at temperatures, [[at]]"
                 )
         return given
 
@@ -193,7 +193,7 @@ class Law(Material, Energy):
             if alone != self and alone._measured() == self._measured():
                 raise InputError(
                     f"{name} is changed, and material {self.label} has its own at each "
-                    "temperature; allowed are numbers that [[at]] has not"
+                    "temperature; change only parameters that are not in [[at]]"
                 )
         return new
 
@@ -223,7 +223,7 @@ class Law(Material, Energy):
         times as large as the flat fabric; InputError without a fibre density."""
         if self.fibre_density is None:
             raise InputError(
-                f"fibre_density of material {self.label} is not known; allowed is one [g/cm3]"
+                f"fibre_density of material {self.label} is not known; expected one [g/cm3]"
             )
         fibres = self._fibre_mass / self.fibre_density * self.thickness
         return fibres / (np.asarray(thickness, float) * area)
@@ -240,7 +240,7 @@ class Law(Material, Energy):
             if self.couples(name):
                 raise InputError(
                     f"without: the energy of law {self.law} has the coupling {name}, and the law "
-                    "cannot switch it off; allowed is a class that has a method for it"
+                    "cannot switch it off; expected a class that has a method for it"
                 )
         return self
 
@@ -273,7 +273,7 @@ class Law(Material, Energy):
         for name, value in (values | sheet).items():
             low, high, unit = plausible[name]
             if value is not None and not low <= value <= high:
-                fabrics = f"fabrics have {low:g} to {high:g}; look at its unit"
+                fabrics = f"fabrics have {low:g} to {high:g}; check its unit"
                 sentences.append(f"{name} of material {self.label} is {value:g} {unit}, {fabrics}")
         return sentences
 
@@ -316,7 +316,7 @@ def sheet_fields(
             fields[key] = kind.from_table(files.take_table(document, key), units, key)
     fields["assumed"] = assumed = document.pop("assumed", ())
     if not isinstance(assumed, (list, tuple)):
-        raise InputError(f"assumed is {repr_short(assumed)}; allowed is a list of parameters")
+        raise InputError(f"assumed is {repr_short(assumed)}; expected a list of parameters")
     fields |= {"scatter": files.read_scatter(document, law.numbers(), law.factors, units)}
     at_rules, at = {"temperature": FINITE} | dict(law.rules_at_temperatures()), {}
     tables = as_list(document.pop("at"), "at") if "at" in document else []
@@ -324,7 +324,7 @@ def sheet_fields(
         numbers = read_numbers(table, at_rules, units, f"at.{k}.")
         check_complete(numbers, ["temperature"], f"at.{k}.", "in each [[at]]")
         if (temperature := numbers.pop("temperature")) in at:
-            raise InputError(f"at.{k}.temperature is {temperature:g} again; allowed is another one")
+            raise InputError(f"at.{k}.temperature is {temperature:g} again; use each once")
         at[temperature] = numbers
     fields["at_temperatures"] = at
     keys = (*also, *fields, "at", *TABLES)

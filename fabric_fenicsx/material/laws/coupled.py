@@ -85,15 +85,15 @@ class WovenFabric(Law):
 
     warp: Yarn
     weft: Yarn
-    s1: float = parameter(above_zero("stress"), "shear stress over its angle [MPa], eqs (24), (25)")
-    s2: float = parameter(of_either_sign("stress"), "the same over its square [MPa]", 0.0)
-    s3: float = parameter(not_negative("stress"), "the same over its cube [MPa]", 0.0)
+    s1: float = parameter(above_zero("stress"), "factor of the shear angle [MPa], eqs (24), (25)")
+    s2: float = parameter(of_either_sign("stress"), "factor of its square [MPa]", 0.0)
+    s3: float = parameter(not_negative("stress"), "factor of its cube [MPa]", 0.0)
     couplings: frozenset[str] = frozenset(COUPLINGS)
 
     def __post_init__(self) -> None:
         for direction in ("warp", "weft"):
             if not isinstance(yarn := getattr(self, direction), Yarn):
-                raise InputError(f"{direction} is {repr_short(yarn)}; allowed is a Yarn")
+                raise InputError(f"{direction} is {repr_short(yarn)}; expected a Yarn")
         super().__post_init__()
         object.__setattr__(self, "couplings", check_couplings(self.couplings))
 

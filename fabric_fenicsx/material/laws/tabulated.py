@@ -25,8 +25,8 @@ from .base import Law, sheet_fields
 # in a file: compiling the form takes the square of their number, half a minute at 100
 MAX_POINTS = 40
 _BEYOND = {
-    "constant": "there the stress stays at the table's last, without stiffness",
-    "linear": "there the table's last slope goes on",
+    "constant": "there the last stress is kept, without stiffness",
+    "linear": "there the last slope continues",
 }
 
 
@@ -51,15 +51,15 @@ class Curve(Parameters):
     def __post_init__(self) -> None:
         x, y = np.asarray(self.x, float), np.asarray(self.y, float)
         flaws = [
-            f"point {k + 1} is ({e:.6g}, {stress:.6g}); allowed are rising strains, and stresses "
+            f"point {k + 1} is ({e:.6g}, {stress:.6g}); expected increasing strains, and stresses "
             "of their sign"
             for k, (e, stress) in enumerate(zip(x, y))
             if not (abs(stress) < math.inf and e * stress >= 0 and (not k or e > x[k - 1]))
         ]
         if len(x) < 3 or (0.0, 0.0) not in zip(x, y):
-            flaws += [f"the curve has {len(x)} points; allowed is 3 or more, with (0, 0)"]
+            flaws += [f"the curve has {len(x)} points; expected 3 or more, with (0, 0)"]
         if (beyond := self.extrapolation) not in [*_BEYOND]:
-            flaws += [f"extrapolation is {beyond!r}; allowed is {' or '.join(_BEYOND)}"]
+            flaws += [f"extrapolation is {beyond!r}; expected {' or '.join(_BEYOND)}"]
         for flaw in flaws[:1]:
             raise InputError(flaw)
         on = (self.extrapolation == "linear") & np.array([x[0] < 0, x[-1] > 0])
@@ -140,7 +140,7 @@ class TabulatedFabric(Law):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.shear.x[0] < 0:
-            raise InputError("shear begins below 0; allowed is 0, as both senses are alike")
+            raise InputError("shear begins below 0; expected 0, because the curve is mirrored")
         x, y = ((*(-u for u in v[:0:-1]), *v) for v in (self.shear.x, self.shear.y))
         object.__setattr__(self, "_both", Curve(x, y, self.shear.extrapolation))
 
@@ -181,7 +181,7 @@ class TabulatedFabric(Law):
             for k in np.flatnonzero(np.diff(curve.y) < 0)[:1]:
                 x = curve.x[k]
                 start = f"{math.degrees(x):.4g} deg" if name == "shear" else percent(x, 4)
-                warnings.append(f"{table} falls from {start} on, where the fabric is unstable")
+                warnings.append(f"{table} decreases from {start} on, where the fabric is unstable")
         return warnings
 
     def table(self) -> Document:
@@ -212,7 +212,7 @@ class TabulatedFabric(Law):
         yarn, shear = {"eps": STRAIN, "sigma": stress}, {"gamma": ANGLE, "tau": stress}
         for key in cls.strain_of:
             if not isinstance(files[key], str):
-                raise InputError(f"{key} is {files[key]!r}; allowed is the name of a CSV file")
+                raise InputError(f"{key} is {files[key]!r}; expected the name of a CSV file")
             fields[key] = read_table(folder / files[key], shear if key == "shear" else yarn, beyond)
         return cls(**fields)
 
@@ -226,7 +226,7 @@ def read_table(
         table = table_of(read_lines(path), columns.__contains__)
         x, y = columns_of(table, columns).values()
         if len(x) > MAX_POINTS:
-            raise InputError(f"has {len(x)} points; allowed are up to {MAX_POINTS}: thin it out")
+            raise InputError(f"has {len(x)} points; expected up to {MAX_POINTS}: remove some")
         return Curve(tuple(x.tolist()), tuple(y.tolist()), extrapolation)
     except InputError as error:
         message = str(error)

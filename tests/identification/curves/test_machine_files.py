@@ -61,9 +61,9 @@ def test_a_file_is_read_as_it_was_written(tmp_path, text):
 
 MACHINE = KEYS + HEAD
 REFUSED = {
-    "1,5;1.234\n3;2.5\n": "row 5: F is '1.234', row 6: F is '2.5'; allowed is a finite number",
+    "1,5;1.234\n3;2.5\n": "row 5: F is '1.234', row 6: F is '2.5'; expected a finite number",
     "2;1,200\n3;2,100\n": "row 5: F is '1,200', which may mean 1.200 or 1200; allowed is",
-    "1,5;1.058,5\n": "row 5: F is '1.058,5'; allowed is a finite number, as 1058,5",
+    "1,5;1.058,5\n": "row 5: F is '1.058,5'; expected a finite number, as 1058,5",
     "mm;kN\n" + COMMA: "row 5: the unit of F is kN, and N in the header",
     POINT.replace(";", " mm;"): "row 5: displacement is '2.500 mm', row 6: displ",
     "2;1\n2;2\n2;3\n2;4\n2;5\n": "row 9: displacement is 2 mm in every row",
@@ -72,7 +72,7 @@ REFUSED = {
 UNREADABLE = {
     b"": "bias.csv: cannot be read as text (it is empty",
     b"PK\x03\x04": "it is a workbook; save its sheet as CSV",
-    (MACHINE + COMMA).encode("utf-16-le"): "no text in UTF-8); allowed is CSV in UTF-8, or in UTF",
+    (MACHINE + COMMA).encode("utf-16-le"): "no text in UTF-8); expected CSV in UTF-8, or in UTF",
     (KEYS + "Traverse [mm];Kanal 1 [N]\n" + COMMA).encode(): "row 4: columns 'Traverse', 'Kanal 1' "
     "are unknown; allowed are",
 }
@@ -101,7 +101,7 @@ def test_files_of_other_names_are_read_if_the_sheet_names_them(tmp_path):
     (tmp_path / "bias.TRA").write_text(KEYS + HEAD + COMMA)
     check(data.read(tmp_path)[1][0])
     (tmp_path / "bias.TRA").rename(tmp_path / "bias.tsv")
-    with pytest.raises(InputError, match=r"tests.'bias.TRA' is no file; allowed are bias.tsv"):
+    with pytest.raises(InputError, match=r"tests.'bias.TRA' is no file; expected bias.tsv"):
         data.read(tmp_path)
 
 
@@ -111,7 +111,7 @@ def test_of_columns_of_one_name_the_sheet_says_which_counts(tmp_path):
     with pytest.raises(InputError, match="row 4: the column displacement is repeated"):
         read(tmp_path, text.encode())
     curve = read(tmp_path, text.encode(), SHEET + '[columns]\nStandardweg = "displacement"\n')
-    assert curve.remarks == ("column 'Weg' is not read; see [columns] of sheet.toml",)
+    assert curve.remarks == ("column 'Weg' is ignored; see [columns] of sheet.toml",)
     assert curve.responses[0].values.tolist() == [row[1] for row in ROWS]
 
 
@@ -169,7 +169,7 @@ def test_of_two_tests_side_by_side_the_first_is_read_unless_told_otherwise(tmp_p
     curve = read(tmp_path, (KEYS + head + beside).encode())
     assert curve.responses[0].values.tolist() == [row[1] for row in ROWS]
     (first, second) = curve.remarks
-    assert first == "column 'Force 2' is not read; see [columns] of sheet.toml"
+    assert first == "column 'Force 2' is ignored; see [columns] of sheet.toml"
     other = SHEET + '[columns]\n"Force 2" = "F"\n"Stroke 2" = "displacement"\n'
     curve = read(tmp_path, (KEYS + head + beside).encode(), other)
     assert curve.responses[0].values.tolist() == [*(2 * row[1] for row in ROWS), 9]

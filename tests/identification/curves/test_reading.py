@@ -169,20 +169,20 @@ def test_normalisation_of_a_bias_test():
         assert found == pytest.approx(1.2 * tau(g) / np.cos(g), rel=2e-4, abs=5e-5 * tau(g[-1]))
 
 
-NARROW = "allowed is at most 0, free sides narrow (is its sign turned?)"
+NARROW = "expected at most 0, free sides narrow (is its sign wrong?)"
 CASES = [
     (UNIAXIAL, "# test: uniaxial_a\n", "", "no line `# test: ...` states the test; allowed are"),
-    (UNIAXIAL, "2.5,41.1\n", "", "row 10: 4 points are left to be fitted; allowed is 5 or"),
+    (UNIAXIAL, "2.5,41.1\n", "", "row 10: 4 points remain to be fitted; expected 5 or"),
     (FREE, "sigma_a [MPa]", "F [N]", "row 5: the column F needs the strip's width; allowed is"),
-    (FREE, "41.1", "-410.1", "row 11: sigma_a is -410.1 MPa; allowed is at least 0, of the test"),
+    (FREE, "41.1", "-410.1", "row 11: sigma_a is -410.1 MPa; expected at least 0, of the test"),
     (WIDENED, "", "", f"row 8: eps_a is 0.1; {NARROW}"),
-    (BIAS, "gamma [deg]", "exx [%]", "the strain of exx is not stated; allowed is `# strain: gre"),
+    (BIAS, "gamma [deg]", "exx [%]", "the strain of exx is not stated; expected `# strain: gre"),
     (BIAS, "# width", "# preload: 1 N\n# width", "row 3: the key preload is unknown; allowed"),
     (BIAS, "# width", "# give = 1 mm/N\n# width", "row 3: the key give is unknown; allowed"),
-    (BIAS, "# width", "# slack: 1 rad\n# width", "row 5: 0 points are left to be fitted; allowed"),
-    (BIAS, "# width", "# zero: 9 N\n# width", "row 10: F is -4 N; allowed is at least 0, of"),
-    (BIAS, "40,5", "40,9.9e37", "row 9: F is 9.9e+37 N; allowed is within +-1e9"),
-    (BIAS, "11.5 cm", "15 cm", "height is 230 mm and width 150 mm; allowed is a height of 2"),
+    (BIAS, "# width", "# slack: 1 rad\n# width", "row 5: 0 points remain to be fitted; allowed"),
+    (BIAS, "# width", "# zero: 9 N\n# width", "row 10: F is -4 N; expected at least 0, of"),
+    (BIAS, "40,5", "40,9.9e37", "row 9: F is 9.9e+37 N; expected within +-1e9"),
+    (BIAS, "11.5 cm", "15 cm", "height is 230 mm and width 150 mm; expected a height of 2"),
 ]
 
 

@@ -86,14 +86,14 @@ def test_tables_from_files(tmp_path, how, stress):
 @pytest.mark.parametrize(
     "more, warp, words",
     [
-        ("", WARP + "1.5, 40\n", r"warp.csv.* row 6 is \(0.015, 40\); allowed are rising strains"),
-        ("", WARP + "".join(f"{e}, {e}\n" for e in range(31, 68)), "41 points; allowed are up"),
+        ("", WARP + "1.5, 40\n", r"warp.csv.* row 6 is \(0.015, 40\); expected rising strains"),
+        ("", WARP + "".join(f"{e}, {e}\n" for e in range(31, 68)), "41 points; expected up"),
         ("", "eps [%], sigma [MPa]\n0, 1\n1, 2\n2, 3\n", r"warp.csv.*\(0, 0\)"),
         ("", WARP + "3, -1\n", r"row 6 is \(0.03, -1\); allowed"),
-        ("warp = 3\n", WARP, "m.toml: warp is 3; allowed is the name of a CSV file"),
-        ('extrapolation = ["linear"]\n', WARP, r"extrapolation is \['linear'\]; allowed is const"),
-        ("at = 3\n", WARP, r"m.toml: at is \[3\]; allowed is a table \[\[at\]\] for each"),
-        ("assumed = 3\n", WARP, "m.toml: assumed is 3; allowed is a list of parameters"),
+        ("warp = 3\n", WARP, "m.toml: warp is 3; expected the name of a CSV file"),
+        ('extrapolation = ["linear"]\n', WARP, r"extrapolation is \['linear'\]; expected const"),
+        ("at = 3\n", WARP, r"m.toml: at is \[3\]; expected a table \[\[at\]\] for each"),
+        ("assumed = 3\n", WARP, "m.toml: assumed is 3; expected a list of parameters"),
     ],
 )
 def test_bad_tables_are_named(tmp_path, more, warp, words):
