@@ -17,10 +17,10 @@ def options(description: str | None, press: str = "") -> Parser:
     """The options of the example `press`, by default of the press that the command names."""
     p = press_parser(description, press or "form", press)
     p.group("more runs")
-    p.switch("--compare", "run all variants of the couplings, each until it is formed")
-    words = f"if a wave has fewer than {MIN_CELLS:g} cells, run again with {AIM:g}"
+    p.switch("--compare", "run all variants of the couplings")
+    words = f"if a wave has fewer than {MIN_CELLS:g} cells, repeat the run with {AIM:g}"
     p.switch("--refine", words)
-    words = "run the whole blank, too, with the leading tool aside, and tell what changes [mm]"
+    words = "also run the whole blank with the leading tool displaced [mm], and report changes"
     aside = {"metavar": "MM", "type": option_type(POSITIVE)}
     p.option("--disturb", **aside, help=words, free=True)
     return p
@@ -52,13 +52,13 @@ def main(study: PressStudy):
             f"{name} by up to {rounded(each['springback_largest_mm'])} mm"
             for name, each in sheets.items()
         ]
-        study.say(f"{study.args.out}/unloaded: without tools springs back {', '.join(back)}")
+        study.say(f"{study.args.out}/unloaded: springback of {', '.join(back)}")
 
 
 def compared(study, press):
     """Run the variants of the couplings, and lay them side by side."""
     if study.args.refine or study.args.disturb:
-        raise InputError("`compare` is not allowed beside `refine` and `disturb`")
+        raise InputError("`compare` is not allowed with `refine` and `disturb`")
     results, failed = {}, []
     for label in coupling_variants(press.fabric):
         made = study.build(press.with_fabrics(lambda f, label=label: coupling_variants(f)[label]))
@@ -129,7 +129,7 @@ def _compare(study, press, result, found):
     if words:
         study.warn(
             f"with {press.leader().name} {study.args.disturb:g} mm aside and the whole blank the "
-            f"run ends elsewhere: {'; '.join(words)}. No real press is quite symmetric"
+            f"result differs: {'; '.join(words)}. Real presses are never exactly symmetric"
         )
     ends = {name: b for name, (_, b) in both.items()}
     result.summary = study.output.amend(result.folder, result.summary, disturbed=ends)
@@ -141,10 +141,10 @@ def tell(study, press, result, folder):
     study.say(
         f"{folder}: {press.force_name} {result.formatted('reaction_N', '.5g')} N"
         f"{whole if press.data.planes else ''}, largest shear angle "
-        f"{result.formatted('shear_angle_max_deg', '.2f')} deg (99 % of the area below "
+        f"{result.formatted('shear_angle_max_deg', '.2f')} deg (99th percentile "
         f"{result.formatted('shear_angle_99_percent_deg', '.2f')}), draw-in "
         f"{result.formatted('draw_in.largest_mm', '.2f')} mm, yarns shortened by "
-        f"{percent(found.get('shortening_mean') or 0.0, 3)} in the mean"
+        f"{percent(found.get('shortening_mean') or 0.0, 3)} on average"
     )
 
 

@@ -25,11 +25,11 @@ def options():
     p = Parser(prog=program("identify"), description=__doc__)
     words = "folder with sheet.toml and a CSV file a test; see docs/howto/own_data.md"
     p.option("--data", metavar="DIR", type=Path, required=True, help=words)
-    out, words = Path("results/identify/fabric.toml"), "the material; report and pictures beside it"
+    out, words = Path("results/identify/fabric.toml"), "material file, with report and pictures"
     p.option("--out", metavar="FILE", type=Path, default=out, help=words)
     p.switch("--no-pictures", "draw nothing")
-    p.switch("--overwrite", "lose the material that --out is")
-    words = "fit bias tests of force over displacement by formula, not by simulating specimens"
+    p.switch("--overwrite", "replace an existing material file")
+    words = "fit bias tests of force against displacement by a formula, without simulation"
     p.switch("--homogeneous", words)
     return p
 

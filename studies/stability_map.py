@@ -73,7 +73,7 @@ def main(study):
     study.say(f"{folder}: {sum(map(len, maps.values()))} maps")
     if difference > AGREEMENT:
         more = f"by {difference:.1e}, more than {AGREEMENT}"
-        raise SolverFailure(f"kernel and closed form differ {more}, so the maps can't be trusted")
+        raise SolverFailure(f"kernel and closed form differ {more}, so the maps are not reliable")
 
 
 if __name__ == "__main__":

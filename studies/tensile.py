@@ -10,7 +10,7 @@ from fabric_fenicsx.studies.lib.coupling_variants import coupling_variants
 def options():
     p = parser(Tensile, __doc__)
     p.group("test")
-    p.switch("--compare", "run all variants of the couplings, side by side")
+    p.switch("--compare", "run all variants of the couplings")
     return p
 
 
@@ -48,7 +48,7 @@ def strains_across(result: Result) -> str:
         middle = result.formatted("log_eps_22_middle", ".2f", 100)
         at = f"log strain along yarns b at the middle {middle} %"
     least = result.formatted("log_eps_22_min", ".2f", 100)
-    return f"{at} (least of a cell {least} %, which a finer mesh may lower)"
+    return f"{at} (minimum of a cell {least} %, which depends on the mesh)"
 
 
 if __name__ == "__main__":

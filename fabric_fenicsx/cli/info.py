@@ -1,5 +1,5 @@
 """What is installed, and whether each piece of it works by itself: nothing outside the standard
-library is imported before its turn, so that what is missing is told."""
+library is imported before its turn, so that missing ones are reported."""
 
 import os
 import platform
@@ -27,7 +27,7 @@ def show(comm: Any) -> int:
     status = 0
     # compiled forms in an empty place, so that one is compiled
     with tempfile.TemporaryDirectory() as cache, patch.dict(os.environ, XDG_CACHE_HOME=cache):
-        with suppress(Exception):  # told below
+        with suppress(Exception):  # reported below
             import_module("dolfinx")  # on all ranks, which PETSc starts together
         end_with_reader()  # after PETSc, which has a handler of its own
         if comm is None or comm.rank == 0:

@@ -40,7 +40,7 @@ def program(name: str) -> str:
 
 
 def restart_command(ranks: int = 1) -> str:
-    """Command that starts this program anew, without --resume and --overwrite."""
+    """Command that restarts this program, without --resume and --overwrite."""
     options = [word for word in sys.argv[1:] if word not in ("--resume", "--overwrite")]
     script, here = Path(sys.argv[0]), f"{Path.cwd()}/"
     start = ["-m", "fabric_fenicsx", script.stem] if script.parent == STUDIES else [str(script)]

@@ -171,7 +171,7 @@ class Study:
         return {name: given[prefix + name] for name in names if prefix + name in given}
 
     def build(self, test: Any) -> Any:
-        """The `Setup` of a test, whose warnings are told and whose sizes become the options'."""
+        """The `Setup` of a test; its warnings are printed and its sizes become the options'."""
         with phase("setup"):
             self._setup = setup = test.build(self.comm)
         vars(self.args).update(setup.resolved)

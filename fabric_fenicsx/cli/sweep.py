@@ -89,7 +89,7 @@ def _sweep(args, passed, form, argv):
         sweep.close()
         _write_job_array(args.slurm, argv, len(values), args.ranks)
         return ""
-    runner, told = Runner(sweep, form, args.jobs, asked), list[str]()
+    runner, answers = Runner(sweep, form, args.jobs, asked), list[str]()
     if args.only:
         return runner.all([values[args.only - 1]])[0].reason
     if "--dry-run" in passed:
@@ -100,14 +100,14 @@ def _sweep(args, passed, form, argv):
         runs = runner.all(values)
         if args.scatter:
             labels = results.headlines(runs, asked)
-            told, sweep.state["scatter"] = results.told(runs, ranges, labels, below)
+            answers, sweep.state["scatter"] = results.statistics(runs, ranges, labels, below)
         else:
-            told = [results.below(runs, *limit) for limit in below]
+            answers = [results.below(runs, *limit) for limit in below]
         sweep.save()
-        print("".join(f"{sentence}\n" for sentence in told), end="")
+        print("".join(f"{sentence}\n" for sentence in answers), end="")
     finally:
         if any(run.summary() for run in sweep.runs.values()):
-            results.write(sweep, told, not args.no_pictures)
+            results.write(sweep, answers, not args.no_pictures)
             print(f"table, pictures and report are in {out}")
         sweep.close()
     doubted = sum(not run.is_valid() for run in runs)

@@ -283,7 +283,7 @@ class LaggedFaces:
     """The `ContactPairs` that contact uses within a solve, so that its energy has no kinks.
 
     After a solve the faces are looked at again. If that changes the forces on the points by more
-    than `lag` of their sum, they are taken anew, and the solve is to be repeated: all of the way to
+    than `lag` of their sum, they are updated, and the solve is to be repeated: all of the way to
     the solution at first, then as far as A. C. Aitken's rule says (U. Küttler and W. A. Wall,
     2008), less where solutions alternate. The first `owned` degrees of freedom are this rank's.
 
@@ -320,7 +320,7 @@ class LaggedFaces:
         self.accepted = self.now = self._points.pairs()
 
     def update(self, forces: Callable[[ContactPairs], np.ndarray]) -> bool:
-        """Take the faces anew if they are off by more than `lag`; true if so, the same on all
+        """Update the faces if they are off by more than `lag`; true if so, the same on all
         ranks. forces: function of a `ContactPairs` to the forces on all points (count, 3) [N]."""
         comm, present, solution = self._points.blank.mesh.comm, self._points.pairs(), self._u.copy()
         before, after = forces(self.now), forces(present)

@@ -27,7 +27,7 @@ class ContactTerm(Term):
     and three hooks. `_sliding()` makes a `SlipMap` of the points from the present state on;
     `_stiffness_of_cells()` is that of the touching sheets in their planes over half a cell, times
     the share of it that a point stands for, of all points or of each [N/mm]; `_update_pressing()`
-    takes the lagged part of what presses anew, if needed, and is true if it was. It calls
+    updates the lagged part of what presses, if needed, and is true if it was. It calls
     `_start_friction` at the end of `set_up`.
 
     - coulomb, friction_state: the law of friction and its state; None without friction
@@ -136,10 +136,10 @@ class ContactTerm(Term):
         return float(used / max(total, 1e-300)), float(slid / max(total, 1e-300))
 
     def summary(self) -> dict[str, Value]:
-        used = {self._rubs_on(): self.friction_used()[0]}
+        used = {self._partner(): self.friction_used()[0]}
         return {"friction_used": joined(used)} if self.coulomb else {}
 
-    def _rubs_on(self):
+    def _partner(self):
         return self.tool.name if self.tool else self.name
 
     def warnings(self) -> list[str]:
@@ -148,7 +148,7 @@ class ContactTerm(Term):
         if not used > 0.01 > slid:  # the share that is worth a word
             return []
         return [
-            f"friction of {self._rubs_on()} never leaves its elastic branch ({used:.2g} of the "
+            f"friction of {self._partner()} never leaves its elastic branch ({used:.2g} of the "
             "limit): all contact sticks, with a stiffness that depends on `slip`"
         ]
 
@@ -284,7 +284,7 @@ class PlyThickness:
     """Fields in cells of fabric, NaN in others, to which each contact of a scene adds the thickness
     lost on its own faces.
 
-    thickness [mm]: in place of the fabrics'; rigid: whether the contact's faces are, also those of
+    thickness [mm]: instead of the fabrics'; rigid: whether the contact's faces are, also those of
     fabric that has a `Compaction`, which contradicts the fabric, so that there are no fields.
     """
 

@@ -18,7 +18,7 @@ MIN_SLIP, MAX_SLIP = 1e-4, 0.1
 
 @dataclass(frozen=True)
 class Coulomb:
-    """Coulomb friction that begins with an elastic slip.
+    """Coulomb friction with an elastic slip.
 
     A point pressed by P that has slipped by z, in its tangent plane, has the energy
     mu P |z|^2 / (2 s) up to |z| = s and mu P (|z| - s / 2) beyond. In the methods z is (n, 3) [mm],

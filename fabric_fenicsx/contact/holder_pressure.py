@@ -45,9 +45,9 @@ class BlankHolderPressure(ToolContactTerm):
     """Dead pressure of a blank holder on the parts of a sheet under it; of a stack, on the sheet
     that is nearest to the holder at each place.
 
-    A `Contact` bears it on the other side of the sheet. The pressed areas are lagged.
+    A `Contact` on the other side of the sheet carries it. The pressed areas are lagged.
 
-    - pressure: number [MPa], there from the start, or function of the load factor
+    - pressure: constant [MPa], or function of the load factor
     - direction: in which it presses (3,)
     - under: function of positions (3, n) [mm] to the share (n,) of each, 0 to 1, that is under the
       holder: what is pressed of a triangle follows from its values within it
@@ -56,10 +56,10 @@ class BlankHolderPressure(ToolContactTerm):
       sum has changed; with None never
     - full_stack: press the nearest sheet only where all others lie, too, as a plate that rests on
       all
-    - friction: of the holder's side, as of `Contact`; without it the holder does not hold the sheet
+    - friction: on the holder's side, as in `Contact`; without it the holder does not hold the sheet
       in its plane
-    - borne: as `under`, by default the same: where the die bears the pressure. Corners of triangles
-      beyond it are not pressed, as nothing is below them; those that are bear all of it. If it is a
+    - borne: as `under`, by default the same: where the die carries the pressure. Corners of
+      triangles beyond it are not pressed; the others carry all of the pressure. If it is a
       die's flange and neither side has friction, the pressure acts along the die's normals: it
       would push nodes that slide over the edge, before the areas are updated, along the die
 
@@ -244,7 +244,7 @@ class LineBead(ToolContactTerm):
     """Equivalent drawbead: a force per length of a line that stands still in plan, against the
     sliding of the sheets that lie there, in any direction; these share it. It does not depend on
     the rate, and begins with an elastic slip as friction. It acts on the nodes around by their
-    shape functions, taken anew in each accepted state.
+    shape functions, updated in each accepted state.
 
     line: two points (x, y) [mm] or more; restraint: above 0 [N/mm]; law: 1.0, or a `Coulomb` of it.
     Raises InputError for others.

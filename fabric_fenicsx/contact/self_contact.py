@@ -169,8 +169,8 @@ class SelfPoints(ContactPoints):
 class SelfContact(FaceContact):
     """Contact of a sheet with itself, where it folds over or rolls up.
 
-    As `SheetContact`, by the same laws, at points of both faces (`SelfPoints`). As long as no fold
-    closes it only looks for one, after each solve. On a stack each sheet has its own:
+    Like `SheetContact`, with the same laws, at points of both faces (`SelfPoints`). Until a fold
+    closes it only searches for one after each solve. In a stack each sheet has its own:
     `SelfContact().on("upper")`.
 
     Parameters

@@ -70,7 +70,7 @@ class FaceContact(ContactTerm):
         self.energy_correction = self._accepted_correction = np.zeros(points.count)
         # the last displacement and faces, and what was found there
         self._response: tuple[np.ndarray, ContactPairs, ContactResponse] | None = None
-        # in the last accepted state, before faces were taken anew
+        # in the last accepted state, before faces were updated
         self.totals, self.first = self._totals(), self.faces.accepted
         deepest = -self.blank.mesh.comm.allreduce(self.first.gap.min(initial=np.inf), MPI.MIN)
         if deepest > self.thickness / 4:
@@ -247,8 +247,8 @@ class FaceContact(ContactTerm):
 class SheetContact(FaceContact):
     """Contact of two sheets of a stack, by an energy of points of one over the other.
 
-    Without pressure a sheet's face is half its thickness off its smooth `Face`. The pressure
-    follows from the depth to which both faces overlap, see `between_faces`: fabric is compacted,
+    Without pressure a sheet's face is half its thickness away from its smooth `Face`. The pressure
+    depends on the overlap of both faces, see `between_faces`: fabric is compacted,
     metal is rigid. It acts at points of the sheet of smaller cells, the upper one if they are
     equal, over their areas, and reacts on the corners of the triangle below each point,
     so that forces balance exactly. Uniform pressure loads the nodes of the one sheet exactly, those
@@ -266,7 +266,7 @@ class SheetContact(FaceContact):
     points
         1, 3 or 6 in each triangle.
     lag
-        Faces are taken anew after a solve, and it is repeated, if that changes the contact's forces
+        Faces are updated after a solve, and it is repeated, if that changes the contact's forces
         by more than this share of their sum.
     symmetric
         As in `Bending`.

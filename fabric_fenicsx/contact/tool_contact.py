@@ -43,13 +43,13 @@ class _Accepted(NamedTuple):
 
 
 class Contact(ToolContactTerm):
-    """Contact of a sheet with a rigid tool, by an energy of its nodes.
+    """Contact of a sheet with a rigid tool, with an energy at its nodes.
 
-    The pressure follows from the depth of the tool in the sheet's face: fabric is compacted, by
+    The pressure depends on the depth of the tool in the face of the sheet: fabric is compacted, by
     half on each face, and metal is rigid (`FaceLaw`). It acts over the node's area, which
     follows the sheet but is lagged during a solve. The sheet is on the side to which the tool's
     normal points. Without pressure its faces are half a thickness off the mesh. A tool moved by
-    force stands where contact and friction balance the force, at any displacement of the sheet.
+    force is always where contact and friction balance the force.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Contact(ToolContactTerm):
     thickness
         Of the sheet [mm]; by default that of the scene's fabric or metal.
     penalty
-        k of a rigid face [N/mm^3]; makes fabric rigid, too. By default `default_penalty` of the
+        k of a rigid face [N/mm^3]; also makes fabric rigid. By default `default_penalty` of the
         material and the tool's least radius.
     friction
         Its coefficient, on a stack also one for each sheet {name: coefficient}, or a `Coulomb`.

@@ -1,4 +1,4 @@
-"""The folder of compiled code and of what is read anew only if it changed."""
+"""The folder of compiled code and of files that are reread only if they changed."""
 
 import hashlib
 import io

@@ -6,9 +6,9 @@ NOT_VALID = "the result is not valid: "  # beginning of the reason of such a run
 
 
 class InputError(ValueError):
-    """A mistake in what a user gave: a value, a file, or how parts go together.
+    """An error in the input: a value, a file, or a combination of parts.
 
-    The message says what is wrong, where, and what is allowed.
+    The message says what is wrong, where, and what was expected.
 
     Examples
     --------
@@ -20,8 +20,8 @@ class InputError(ValueError):
 
 
 class SolverFailure(RuntimeError):
-    """No converged or no credible state at the asked load: the reason, and as `result` what a job
-    had reached by then, a `Result`; None outside of jobs.
+    """The requested load was not reached with a valid state. The message is the reason; `result`
+    is the `Result` up to there, None outside of jobs.
 
     Examples
     --------
@@ -38,7 +38,7 @@ class SolverFailure(RuntimeError):
 
 
 class Interrupted(Exception):
-    """A run was asked to stop, as by Ctrl-C; the message says how to resume it.
+    """A run was interrupted, e.g. by Ctrl-C; the message says how to resume it.
 
     Examples
     --------

@@ -41,11 +41,11 @@ def documented(kind: Kind) -> Kind:
     head += "" if "\nParameters\n" in head else "\n\nParameters\n----------"
     for each in sorted(declared(kind), key=lambda each: bool(each.kw_only)):
         is_usual = each.default in (None, (), "", dataclasses.MISSING)
-        usual = "" if is_usual else f"; by default {each.default}"
+        usual = "" if is_usual else f" (default: {each.default})"
         rule = each.metadata.get("rule")
         of: Any = rule.kind if isinstance(rule, Rule) else each.type
         name = f"{each.name} : {of.__name__}" if isinstance(of, type) else each.name
-        allowed = f"; expected {rule.allowed}" if isinstance(rule, Rule) else ""
+        allowed = f"; {rule.allowed}" if isinstance(rule, Rule) else ""
         head += f"\n{name}\n    {each.metadata['help']}{usual}{allowed}"
     if "\nRaises\n" not in doc:
         head += "\n\nRaises\n------\nInputError\n    For a value that is not allowed."

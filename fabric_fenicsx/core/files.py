@@ -26,7 +26,7 @@ def check_file(path: Path, what: str, allowed: str) -> None:
 
 
 def plain(value: Any) -> Any:
-    """Nested data with Python's numbers and lists in place of NumPy's, which JSON does not know.
+    """Nested data with Python's numbers and lists instead of NumPy's, which JSON does not know.
     Whatever is written as JSON or to history.csv goes through here once."""
     if isinstance(value, Mapping):
         return {plain(key): plain(each) for key, each in value.items()}

@@ -4,7 +4,7 @@ import math
 from collections.abc import Collection, Iterable
 from decimal import Decimal
 
-TINY = 1e-300  # in place of 0 below a line
+TINY = 1e-300  # instead of 0 below a line
 
 
 def rounded(number: float, digits: int = 3) -> str:

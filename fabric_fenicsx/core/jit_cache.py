@@ -18,7 +18,7 @@ TIMEOUT = 120  # seconds that FFCx waits for another process that compiles the s
 def compiled(comm: MPI.Comm, make: Callable[[], T]) -> T:
     """Call `make`, which compiles a form, on all ranks of `comm`, and return its result. DOLFINx
     has rank 0 compile it and the others read it. A file that another process began and did not
-    finish within `TIMEOUT`, as one that was killed, is removed and compiled anew."""
+    finish within `TIMEOUT`, as one that was killed, is removed and recompiled."""
     logging.disable(logging.INFO)  # the C compiler's command lines
     try:
         with phase("compile"), task("compiling forms, cached for later runs"):

@@ -23,6 +23,6 @@ class QuickVersions(ModuleType):
 
 
 def install() -> None:
-    """Use it in place of setuptools' own, if that is not imported yet."""
+    """Use it instead of setuptools' own, if that is not imported yet."""
     if NAME not in sys.modules and find_spec(NAME):
         sys.modules[NAME] = QuickVersions(NAME)

@@ -22,7 +22,7 @@ from .strip import Strip
 @documented
 @dataclass(frozen=True, kw_only=True)
 class BiasExtension(Strip, YarnBending):
-    """Tension of a woven strip whose yarns lie at +-45 deg to the load.
+    """Tension of a woven strip whose yarns are at +-45 deg to the load.
 
     Raises
     ------

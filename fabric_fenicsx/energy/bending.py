@@ -40,7 +40,7 @@ def shortest_wave(fabric: Law, D: float, strain: float) -> float:
 
 class _State(NamedTuple):
     """At a displacement U (nodes, gdim): energy [N mm]; in space the shape of cells, with the
-    slopes out of their edges in place of the curvature, what is conjugate to these (cells, 3)
+    slopes out of their edges instead of the curvature, what is conjugate to these (cells, 3)
     [N mm] and its derivative (cells, 3, 3), and friction's response."""
 
     U: np.ndarray
@@ -55,11 +55,11 @@ class Bending(Term):
     """Energy 1/2 D_a |x,aa|^2 + 1/2 D_b |x,bb|^2 + 1/2 D_t |x,ab|^2 over the undeformed sheet.
 
     x,aa is the second derivative of the deformed position along yarn a, x,ab the twist. Their parts
-    normal to the deformed cell count in full, their parts tangent to it times `in_plane`, or by
+    normal to the deformed cell count in full, their tangential parts times `in_plane`, or by
     `in_plane_stiffness`. Curvature of the undeformed sheet takes no energy. The operator is that of
-    `morley_cells`, and normals are those of the present state, so rigid motions are free of energy,
+    `morley_cells`, and normals are those of the current state, so rigid motions take no energy,
     however large. A
-    fabric's `bending_friction` acts beside it on the normal curvatures along both yarns, as the
+    fabric's `bending_friction` acts in parallel on the normal curvatures along both yarns, as the
     kind of energy "yarn_friction".
 
     Parameters
@@ -72,23 +72,23 @@ class Bending(Term):
         Factor from 0 on D_a, D_b and D_t for bending within the sheet, the only bending of a plane
         blank.
     in_plane_stiffness : float
-        Stiffness B of both yarns per width of the sheet, for bending within it [N mm], beside
+        Additional in-plane bending stiffness B of both yarns per width [N mm], besides
         `in_plane`. It gives shear bands a width of about sqrt(B / G t), G being the law's tangent
         in shear and t the thickness, which cells of half that resolve.
     symmetric, clamped : callable or sequence of callables
         Functions of points (3, n) [mm] to a mask (n,). Each of `symmetric` marks the blank's edge
         in one plane of symmetry, where supports must hold it; `clamped` marks edges whose tangent
-        plane is held. All other edges are free of moment.
+        plane is fixed. All other edges are free of moment.
     modulus, twist_modulus : float
-        E of both yarns and G [MPa], in place of D_a, D_b, D_t: D_a = D_b = E t^3 / 12 and D_t =
+        E of both yarns and G [MPa], instead of D_a, D_b, D_t: D_a = D_b = E t^3 / 12 and D_t =
         G t^3 / 3, with the thickness t of the scene's fabric. A fabric's `bending`, as measured,
-        takes the place of `modulus`; `in_plane` is then that of its slopes at the start.
+        replaces `modulus`; `in_plane` then refers to its initial slopes.
 
     Raises
     ------
     InputError
         On all ranks, for a blank other than of linear triangles (P1, or P2 with straight sides),
-        negative stiffnesses, a modulus beside D_a or without a fabric, a plane blank without
+        negative stiffnesses, a modulus together with D_a or without a fabric, a plane blank without
         bending within it, a curved one with it, or edges not found.
 
     Examples
@@ -289,7 +289,7 @@ class Bending(Term):
         if self._measured:
             measured, weight = self._measured
             along = measured.respond(bent[:, :2], weight)
-            # in place of the straight line of its slopes at the start
+            # instead of the straight line of its slopes at the start
             area = self._cells.area[:, None]
             start = area * self.stiffnesses[:2]
             straight = start * bent[:, :2]

@@ -1,4 +1,4 @@
-"""States of a fabric at the points of its membrane, what is told of them, and yarn friction."""
+"""States of a fabric at the points of its membrane, quantities of them, and yarn friction."""
 
 from functools import cached_property
 from typing import Any
@@ -118,7 +118,7 @@ class FabricStates(Term):
         sine = ufl.sqrt(1 - cosine**2)
         f1, f2 = fa, (fb - cosine * fa) / sine
         C = ufl.as_matrix([[ufl.dot(x, y) for y in (f1, f2)] for x in (f1, f2)])
-        # FFCx from 0.9 names code by the variable's number, and would compile each one anew
+        # FFCx from 0.9 names code by the variable's number, and would recompile each one
         C = ufl.classes.Variable(C, ufl.classes.Label(0))
         a, b = ufl.as_vector([1.0, 0.0]), ufl.as_vector([cosine, sine])
         invariants = C[0, 0], ufl.dot(ufl.sym(C), b)[0], ufl.dot(b, ufl.dot(C, b))

@@ -128,7 +128,7 @@ class DeadPressure(_DeadLoad):
 
 
 class Gravity(_DeadLoad):
-    """Weight of the sheets, whole from the start: density [g/cm^3] times thickness [mm], together
+    """Weight of the sheets, constant over the load: density [g/cm^3] times thickness [mm], together
     kg/m^2, of each one's fabric or metal, on the undeformed area. Its potential is minus int rho t
     g . u dA.
 
@@ -168,7 +168,7 @@ class Gravity(_DeadLoad):
 
 
 class EdgeTension(_DeadLoad):
-    """Pull of grippers along a fixed direction on an undeformed edge.
+    """Line load of grippers along a fixed direction on an undeformed edge.
 
     - tension: per length of edge [N/mm], a number, there from the start, or a function of the load
       factor

@@ -49,20 +49,20 @@ def default_degree(part: Part) -> int:
 class Membrane(FabricStates):
     """Strain energy W(I4, I6, I8) t of a fabric over the undeformed sheet, eqs (5) to (9), (30).
 
-    The formulas are in `mechanics.membrane_energy`, W itself in the law. A fabric's
-    `shear_friction` acts beside it, as the kind of energy "yarn_friction"; stresses in fields are
+    The formulas are in `energy.membrane_energy`, W itself in the law. A fabric's
+    `shear_friction` acts in parallel, as the kind of energy "yarn_friction"; stresses in fields are
     of the law alone.
 
     Parameters
     ----------
     fabric : Law
-        The law and its numbers. Fabrics that differ only in numbers share one compiled form.
+        The law and its parameters. Fabrics that differ only in these share one compiled form.
     quadrature_degree : int, optional
         By default `default_degree`.
     integration : {"full", "inner"}
-        `inner`, on quadratic triangles with straight sides, takes nearly all of the energy at three
-        points nearer to a cell's centre, by the factor `INNER_DISTANCE`. They see the gradients of
-        strains times that factor, so cells off the yarns do not lock [1]_, [2]_, [3]_.
+        `inner`, on quadratic triangles with straight sides, evaluates nearly all energy at three
+        points closer to the cell's centre, by the factor `INNER_DISTANCE`. There the gradients of
+        strains act times that factor, so cells off the yarns do not lock [1]_, [2]_, [3]_.
         `OUTER_SHARE` of the energy stays at the points of `full`, so that no corner of a cell turns
         over unseen. Where stretched yarns end at a free edge it is too soft by a part of a row of
         cells.
@@ -197,7 +197,7 @@ class Membrane(FabricStates):
 
     def _constants(self, mesh):
         """The fabric, a0 and b0 where they are constant and the cosine of a weave angle that is
-        given: entries of one vector, as several would be ordered, and the form compiled anew, by
+        given: entries of one vector, as several would be ordered, and the form recompiled, by
         their names."""
         straight, fabric, numbers = self.part.straight, self.fabric, self._numbers
         values = numbers_of(fabric) if numbers is None else []

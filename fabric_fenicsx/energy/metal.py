@@ -62,8 +62,8 @@ class SheetMetal(Term):
 
     At a height z along the cell's normal the sheet stretches as C - 2 z (kappa - kappa0) says
     (Kirchhoff and Love). C = F^T F is the cell's; kappa is its normal curvature from
-    `morley_cells`, on orthonormal axes, with the cell's present normal. So rigid motions are
-    free of energy, however large. Strain is logarithmic, E = 1/2 ln C; elastic and plastic strain
+    `morley_cells`, on orthonormal axes, with the cell's current normal. So rigid motions
+    take no energy. Strain is logarithmic, E = 1/2 ln C; elastic and plastic strain
     add up [1]_; stress is plane and Kirchhoff's. Within a step the energy is the incremental
     potential of `material.plasticity`. Thickness is that of the undeformed sheet, times the elastic
     change of volume over that of area. z follows it from one accepted state to the next, at fixed

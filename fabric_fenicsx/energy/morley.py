@@ -357,7 +357,7 @@ def _blind_to_pinned(operator, bends, points, pinned):
     alone = (alone * used)[:, :, None]
     rest = (alone - smooth @ (np.linalg.pinv(smooth) @ alone))[:, :, 0]
     size = (rest**2).sum(1)
-    # where it is that of a quadratic, as beside a free edge, they can't be told apart
+    # where it is that of a quadratic, as next to a free edge, they cannot be distinguished
     rest *= np.where(size > 1e-6, 1 / np.maximum(size, 1e-6), 0)[:, None]
     blind = operator.copy()
     blind[at] -= operator[at] @ alone * rest[:, None]

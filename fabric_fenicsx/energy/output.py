@@ -16,18 +16,18 @@ Content = Any  # a number, an array, or what JSON can hold
 
 
 class Value(NamedTuple):
-    """A value that a term gives in `history`, `summary`, `cell_fields` or `nodal_fields`.
+    """A value that a term returns from `history`, `summary`, `cell_fields` or `nodal_fields`.
 
     Parameters
     ----------
     value : number, array, or what JSON can hold
-        A function is called with all merged values, {name: value}, in place of which its result is
-        taken.
+        A function is called with all merged values, {name: value}, and replaced by its
+        result.
     unit : str
         Unit of a field.
     merge : callable, optional
-        Function of the values of the terms before and of this one to that of both; without it no
-        two terms may give the same name.
+        Function that merges the value of earlier terms with this one; without it no two terms
+        may return the same name.
 
     Examples
     --------
@@ -55,7 +55,7 @@ class Fields(dict[str, np.ndarray]):
 
 
 def least(value: Content, unit: str = "") -> Value:
-    """Value, a number or an array, of which the least of all terms counts, entry by entry; with the
+    """Value, a number or an array, merged as the least of all terms, entry by entry; with the
     unit of a field.
 
     Examples
@@ -68,7 +68,7 @@ def least(value: Content, unit: str = "") -> Value:
 
 
 def largest(value: Content, unit: str = "") -> Value:
-    """Value of which the largest of all terms counts: a number, or an array (n,) or (n, 3), of
+    """Value merged as the largest of all terms: a number, or an array (n,) or (n, 3), of
     which the numbers or vectors of the largest size; NaN has none. With the unit of a field.
 
     Examples
@@ -81,7 +81,7 @@ def largest(value: Content, unit: str = "") -> Value:
 
 
 def total(value: Content, unit: str = "") -> Value:
-    """Value, a number or an array, of which the sum over the terms counts; the sum over ranks is
+    """Value, a number or an array, merged as the sum over the terms; the sum over ranks is
     the term's. With the unit of a field.
 
     Examples

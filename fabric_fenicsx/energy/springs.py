@@ -20,10 +20,10 @@ from .term import SceneFacts, Term, Triplets
 
 
 class Springs(Term):
-    """Springs that pull nodes of the sheet to fixed anchors, along the line between them.
+    """Springs that pull nodes of the sheet towards fixed anchors.
 
     Each pulls with preload + stiffness * elongation, and never pushes: below 0 it is slack. With
-    the preload alone the pull is constant, as of a weight over a roller. Stored energies count from
+    only a preload the pull is constant, as of a weight over a roller. Stored energies count from
     where the sheet lies undeformed, so they are below 0 where springs have helped to move it.
     history.csv has the sum of the pulls, summary.json their force on the sheet, too.
 

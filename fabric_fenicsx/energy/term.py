@@ -37,7 +37,7 @@ class SceneFacts(Protocol):
 
 
 def overrides(term: Term, method: str) -> bool:
-    """True if a term has a `method` of its own in place of that of `Term`."""
+    """True if a term has a `method` of its own instead of that of `Term`."""
     of_type, base = (getattr(kind, method, None) for kind in (type(term), Term))
     return method in vars(term) or of_type is not base
 
@@ -45,7 +45,7 @@ def overrides(term: Term, method: str) -> bool:
 class Term:
     """An energy or a load on the scene's sheet; a subclass overrides what it needs.
 
-    Arrays and numbers are those of this rank's part, if nothing else is said. Degrees of freedom
+    Unless stated otherwise, arrays and numbers are those of this rank's part. Degrees of freedom
     are those of `blank.u`: components along the axes of the blank's frame.
 
     Attributes
@@ -55,31 +55,31 @@ class Term:
     energy_kind : str or None
         Kind under which the energy is summed: KIND_energy_Nmm in history.csv, KIND in the `energy`
         of summary.json; None for loads. The package has strain, bending, contact, friction,
-        yarn_friction, metal and plastic; an own term needs another kind to be seen by itself.
+        yarn_friction, metal and plastic; choose another kind to list your own term separately.
     resists : tuple of str
         Rigid motions of the sheet that the term may resist: "move" and "turn", or only those out of
         its plane, "lift", or within it, "slide"; "stretch" if the term alone can hold the sheet
-        together, though it is no form. A scene in which a rigid motion stays free is refused.
+        together, though it is not a form. A scene with a free rigid motion is rejected.
     energy : ufl.Form or None
         Form in `blank.u`, integrated by `part.dx(degree)` or `part.ds(edge, degree)` [N mm]; for a
         load, minus its work. None if `stored`, `add_forces` and `tangent` take its place.
     pattern : object
-        What is no longer equal when the places of `tangent` change, as a number that counts up.
+        A value that changes when the rows and columns of `tangent` change, e.g. a counter.
     tool : Tool or None
-        Tool by which the term acts on the sheet.
+        Tool through which the term acts on the sheet.
     prestressed : bool
-        True if the sheet may have stress as it lies, before load.
+        True if the unloaded sheet may have stress.
     blank, part : Blank, Part
         The sheet and the part of it that the term is on, known in `set_up`. `blank.mesh.comm` is
         the MPI communicator, `blank.V.dofmap.index_map` numbers the nodes.
     fields : mapping
-        {name: (`Field`, places (n, 3), its values (n,) there)} of what depends on the place.
+        {name: (`Field`, places (n, 3), its values (n,) there)} of quantities that vary in space.
     thickness_field : Field or None
-        Thickness of the part's material [mm] where that depends on the place.
+        Thickness of the part's material [mm] if it varies in space.
     fingerprint : dict
-        Attributes before `set_up` as plain data, in which a checkpoint must agree.
+        Attributes before `set_up` as plain data, with which a checkpoint must agree.
     unbound : Term
-        The term before `set_up`, of which another scene may take a copy.
+        The term before `set_up`, which another scene may copy.
 
     Examples
     --------
@@ -136,7 +136,7 @@ class Term:
 
     def energies(self) -> dict[str | None, float]:
         """Energies that are no form, {kind: N mm}, the same kinds each time; None: minus the work
-        of a load. A term of several kinds overrides this in place of `stored`."""
+        of a load. A term of several kinds overrides this instead of `stored`."""
         return {self.energy_kind: self.stored()}
 
     def add_forces(self, f: np.ndarray) -> None:
@@ -288,7 +288,7 @@ def bind(term: Term, scene: SceneFacts) -> None:
         flaw += "forces and stiffness follow, integrated: `W * self.part.dx(degree)`"
     elif form and term.part_name and "everywhere" in [i.subdomain_id() for i in form.integrals()]:
         flaw = f"{of}, which is on a part, is integrated over the whole sheet; it needs "
-        flaw += "`self.part.dx(degree)` in place of `ufl.dx`"
+        flaw += "`self.part.dx(degree)` instead of `ufl.dx`"
     elif (has("memory") or has("cell_memory")) and not has("recall"):
         flaw = f"term {term.name} has a memory and needs `recall` to restore it"
     elif term.energy_kind is None and not has("work"):

@@ -17,7 +17,7 @@ class Work:
 
     With less than three states forces and places are straight lines. If `since` was asked of states
     on the way before, they are polynomials through all of these: so the work of a step that is
-    doubted is found anew. `reject` forgets these.
+    doubted is recomputed. `reject` forgets these.
 
     comm: of the ranks that share the forces, and ask together; by default each knows them all.
     follows: whether places follow from the forces, as those of a dead load. They are no polynomials
@@ -38,7 +38,7 @@ class Work:
         self._asked = {}
 
     def reject(self) -> None:
-        """Forget the states asked of since the last accepted one, as the step is tried anew."""
+        """Forget the states asked of since the last accepted one, as the step is retried."""
         self._asked = {}
 
     def since(self, load: float, force: np.ndarray, place: np.ndarray) -> float:

@@ -96,10 +96,10 @@ def _assumptions(problem, sheet):
             reason[k] = "tests of free strips without transverse strain do not determine it"
             if source[name] != "sheet.toml":
                 values[name], source[name] = 1.0, UNCOUPLED
-    told = {n for k, n in enumerate(names) if k not in reason or source[n] == "sheet.toml"}
+    known = {n for k, n in enumerate(names) if k not in reason or source[n] == "sheet.toml"}
     for yarn, other, i in (("warp", "weft", "a"), ("weft", "warp", "b")):
-        missing = [n for n in "ab" if f"{yarn}.{n}" not in told]
-        if not sheet.balanced and missing and f"{other}.b" in told:
+        missing = [n for n in "ab" if f"{yarn}.{n}" not in known]
+        if not sheet.balanced and missing and f"{other}.b" in known:
             flaw = f"balanced is false, but no test determines the {yarn}'s {' and '.join(missing)}"
             raise InputError(
                 f"sheet.toml: {flaw}; expected a test uniaxial_{i} or biaxial, values in "
@@ -304,8 +304,8 @@ def identify_simulated(sheet: Sheet, curves: Sequence[Curve], simulate: Simulate
                     change = max(change, np.abs(force - expected).max() / peak)
             if first and change < 2e-3:  # of the peak
                 shear = {name: getattr(start.fabric, name) for name in SHEAR}
-                told = {"homogeneous": shear, "off_homogeneous": first, "off": off}
-                return dataclasses.replace(fit, simulated=told)
+                details = {"homogeneous": shear, "off_homogeneous": first, "off": off}
+                return dataclasses.replace(fit, simulated=details)
             first = first or off
             fit = identify(sheet, [_linear(curve, fit.fabric, forces) for curve in curves])
         failure = "its force did not converge in 8 fits"

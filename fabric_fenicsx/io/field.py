@@ -21,12 +21,12 @@ Function = Callable[..., np.ndarray | float]  # of arrays x, y and perhaps z (n,
 
 
 class Field:
-    """A number that depends on the place, where an option takes one.
+    """A number that varies in space, for options that accept one.
 
     Between points in a file the number is interpolated linearly, on triangles or tetrahedra between
-    them; beyond them it is that of the nearest point, no farther than the points reach. Angles are
-    interpolated as they stand, so write 190 after 170 deg, not -170. Raises InputError for a file
-    without such points, and for points that span no area, or lie at one place with different
+    them; outside it is that of the nearest point, up to the extent of the points. Angles are
+    interpolated as numbers, so write 190 after 170 deg, not -170. Raises InputError for a file
+    without such points, and for points that span no area, or have several values at one
     values.
 
     Parameters
@@ -126,7 +126,7 @@ class Field:
             return {"file": str(self.source), "field": self.name}
         return self.source if callable(self.source) else str(self.source)
 
-    def told(self, low: float, high: float) -> str:
+    def in_words(self, low: float, high: float) -> str:
         """The least and the largest value, and where they are from, for people."""
         ends = dict.fromkeys((rounded(low, 4), rounded(high, 4)))
         source = "a function" if callable(self.source) else Path(self.source).name

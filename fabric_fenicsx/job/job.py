@@ -44,15 +44,15 @@ class Job(Settings):
     Parameters
     ----------
     setup : Scene or Setup
-        A scene at rest, with new terms; or one with what is measured, written and drawn of it.
+        A scene at rest, with new terms; or a `Setup` that also defines quantities and pictures.
     steps, max_step, tolerance, path_tolerance, viscosity, ...
         Keywords of the solver, the fields of `Settings`.
     error : bool
         Estimate errors from the same run on a coarser mesh.
     coarser : callable, optional
-        Function that makes this job on a mesh twice as coarse, by default as the `Setup` says.
+        Function that returns this job on a coarser mesh, by default that of the `Setup`.
     observers : sequence
-        Objects with the methods of an `Observer`, called at each state, as to write own files.
+        Objects with the methods of an `Observer`, called at each state, e.g. to write files.
 
     Examples
     --------
@@ -244,7 +244,7 @@ class Job(Settings):
         if not states.is_written():
             states.series.write(outcome.reached, fields)
         result = Result({}, rows, fields, folder, scene)
-        # of the last row, as terms have since taken anew what they held in its solve
+        # of the last row, as terms have since updated what they held in its solve
         kinds = {**dict.fromkeys(ENERGIES), **scene.energies()}
         energy = {kind: rows[-1][f"{kind}_energy_Nmm"] for kind in kinds}
         energy["external_work"] = rows[-1]["external_work_Nmm"]

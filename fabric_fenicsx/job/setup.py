@@ -18,7 +18,7 @@ Measured = tuple[float, float] | tuple[float, float, dict[str, float]]
 
 
 class Observer:
-    """Is told of a run on all ranks; a subclass overrides what it needs."""
+    """Observer of a run on all ranks; a subclass overrides what it needs."""
 
     def begin(self, folder: Path, pictures: bool) -> None:
         """Before the first step; pictures: whether any are asked for, in `folder`."""
@@ -45,7 +45,7 @@ class Setup(Observer):
         The description that it was built of, a frozen dataclass with the class variables NAME,
         FULL, SOLVER, HEADLINES and CHEAP_FROM, in which every default has its value.
     warnings : sequence of str
-        Sentences with which a run begins.
+        Warnings at the start of a run.
 
     Attributes
     ----------
@@ -56,17 +56,17 @@ class Setup(Observer):
     force_name : str
         Name of the force of `measure`.
     modelled_share : float
-        Share of the whole sheet that symmetry leaves, by which forces are divided, too.
+        Share of the whole sheet that is modelled, by which forces are divided.
     headlines : sequence of str
         Quantities that get errors, nested ones as "draw_in.largest_mm".
     stages : sequence of (float, str)
         Load factor at the end of each stage, and the stage's name.
     resolved : dict
-        Options to which building gave their values, as the sides of an own mesh.
+        Options whose values were set during building, e.g. the size of a mesh.
     coarser_is_other_kind : bool
         True if the coarser mesh has cells of another kind, not only larger ones.
     fewer_steps : int
-        Times as many steps has a run as the coarser one that tells its error.
+        Ratio of the steps of a run to those of the coarser run for its error.
 
     Examples
     --------

@@ -29,19 +29,19 @@ _LENGTH, _MOMENTS = above_zero("length"), Several(of_either_sign("line_moment"))
 @parameters
 @dataclass(frozen=True)
 class MeasuredBending(Parameters):
-    """Moment over curvature of both yarns: from a cantilever test, or as a table, which may be a
+    """Moment against curvature of both yarns: from a cantilever test, or as a table, which may be a
     loop.
 
-    A moment at no curvature, and half the width of a loop, is a threshold: friction between yarns.
-    What is left is elastic, and a monotone cubic joins it. Raises InputError for anything but both
+    A moment at curvature 0, or half the width of a loop, is a threshold: friction between yarns.
+    The rest is elastic, joined by a monotone cubic. Raises InputError for anything but both
     overhangs, or curvatures and moments, of which the elastic part rises through 0.
 
     In a cantilever test strips droop by 41.5 deg under their weight: the stiffness is weight times
     the bending length cubed, half of the overhang (F. T. Peirce, J. Text. Inst. 21 (1930) T377).
 
-    Curvatures are above 0 where the fabric's upper face becomes hollow: rising from 0, and mirrored
-    for the other face; or rising from below 0, with two of 0 where there is a threshold; or a loop,
-    up from 0 and back, or through both faces. Beyond its ends the last slope goes on.
+    Positive curvatures make the upper face concave: increasing from 0, and mirrored
+    for the other face; or increasing from below 0, with 0 twice if there is a threshold; or a loop,
+    up from 0 and back, or through both faces. Beyond its ends the last slope continues.
 
     Examples
     --------

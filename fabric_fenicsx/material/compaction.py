@@ -11,11 +11,11 @@ from .material import Parameters, parameter, parameters
 @parameters
 @dataclass(frozen=True)
 class Compaction(Parameters):
-    """Pressure p over the thickness h of a ply: p = p_0 (e^y - 1 - y), y = n ln(h_0 / h).
+    """Pressure p against the thickness h of a ply: p = p_0 (e^y - 1 - y), y = n ln(h_0 / h).
 
-    So the fibre volume fraction grows with the power 1/n of pressure, once that is well above p_0,
-    and pressure begins with the square of compaction. h_0 is the thickness without pressure; where
-    shear and stretch make the area J times as large, it is J^-m times as large. Raises InputError
+    Well above p_0 the fibre volume fraction grows with the power 1/n of the pressure, and at first
+    the pressure grows with the square of the compaction. h_0 is the thickness without pressure; if
+    the area changes by a factor J, it changes by J^-m. Raises InputError
     for an exponent up to 1, pressures not above 0, and a thickening below 0.
 
     Examples

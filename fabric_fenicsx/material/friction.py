@@ -72,7 +72,7 @@ def respond(k: np.ndarray, most: np.ndarray, strain: np.ndarray, sliding: np.nda
 
 @dataclass(frozen=True)
 class ShearFriction(YarnFriction):
-    """Friction against shear: shear stress over the shear angle, conjugate to it as the law's.
+    """Friction in shear: shear stress against the shear angle, conjugate to it as in the law.
 
     Raises InputError for numbers that are not above 0, and for more of one than of the other.
 
@@ -93,14 +93,14 @@ class ShearFriction(YarnFriction):
 
 @dataclass(frozen=True)
 class BendingFriction(YarnFriction):
-    """Friction against bending of both yarns: moment per width over curvature.
+    """Friction in bending of both yarns: moment per width against curvature.
 
     Raises InputError as for `ShearFriction`.
 
     Parameters
     ----------
     stiffness : float or sequence of float
-        Of each element [N mm], to be compared with D of `Bending`.
+        Of each element [N mm], comparable with D of `Bending`.
     strength : float or sequence of float
         Moment per width at which each slides [N mm/mm].
 

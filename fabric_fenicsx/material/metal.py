@@ -118,7 +118,7 @@ class Voce(Hardening):
 class HardeningTable(Hardening):
     """Yield stress through points.
 
-    Between them it is a monotone cubic (SciPy's PCHIP), beyond the last a straight line at its
+    Between them it is a monotone cubic (SciPy's PCHIP), beyond the last a straight line with its
     slope there. Raises InputError for other points than these; it names the point.
 
     Examples
@@ -167,7 +167,7 @@ class HardeningTable(Hardening):
 @parameters
 @dataclass(frozen=True)
 class Metal(Material):
-    """An isotropic metal that yields after von Mises.
+    """An isotropic metal with von Mises yielding.
 
     Examples
     --------
@@ -230,7 +230,7 @@ METALS: Mapping[str, Metal] = MappingProxyType({"dc04": _DC04})
 def load_metal(source: str | os.PathLike[str]) -> Metal:
     """Load a metal by the name of a preset or from a material file.
 
-    Raises InputError if there is neither a preset nor a file, and for what the file has wrong, by
+    Raises InputError if there is neither a preset nor a file, and for errors in the file, by
     field.
 
     Parameters
@@ -238,7 +238,7 @@ def load_metal(source: str | os.PathLike[str]) -> Metal:
     source : str or path
         A preset, or the path of a TOML file with `law = "metal"`. `dc04` is the deep-drawing
         steel of the paper's laminate, 1 mm thick: E, nu and Rp0.05 of its Table 2; tensile
-        strength (310 MPa) and exponent (0.2) are within what EN 10130 asks of DC04.
+        strength (310 MPa) and exponent (0.2) are within the limits of EN 10130 for DC04.
 
     Returns
     -------

@@ -25,7 +25,7 @@ PRESETS: Mapping[str, WovenFabric] = MappingProxyType(
 def load(source: str | os.PathLike[str]) -> Law:
     """Load a fabric by the name of a preset or from a material file.
 
-    Raises InputError if there is neither a preset nor a file, and for what the file has wrong, by
+    Raises InputError if there is neither a preset nor a file, and for errors in the file, by
     field.
 
     Parameters
@@ -33,7 +33,7 @@ def load(source: str | os.PathLike[str]) -> Law:
     source : str or path
         `komeili`, the fabric of the paper's Table 1; `fabric`, the same without couplings; or the
         path of a TOML file. That names its law, `law = "NAME"`, by default `coupled`;
-        `model = "fabric"` is another way to say `law = "tabulated"`.
+        `model = "fabric"` is the same as `law = "tabulated"`.
 
     Returns
     -------

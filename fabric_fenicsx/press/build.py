@@ -184,6 +184,6 @@ def _die_of(name, holder, press, laid, tools, schedule):
         flaw = f"is {asked}{'' if still else ', which moves'}" if asked else f"is one of: {names}"
         raise InputError(
             f"{path} {flaw}; expected a tool that does not move and has a flat face on the blank, "
-            "or a tool with a force in place of a holder"
+            "or a tool with a force instead of a holder"
         )
     return flat[0]

@@ -162,7 +162,7 @@ class FormingScene(Setup):
                 if name.startswith("friction"):
                     found[f"{name} on {owner}"] = field, values
         extremes = partial(measures.extremes, self.scene.comm)
-        return {name: field.told(*extremes(values)) for name, (field, values) in found.items()}
+        return {name: field.in_words(*extremes(values)) for name, (field, values) in found.items()}
 
     def _of_contact(self, result):
         """Force of the leading tool towards the modelled part and the whole blank; of each tool the
@@ -302,7 +302,7 @@ class FormingScene(Setup):
             draw_setup(folder / "setup.png", self.scene, self.tools, self.holders, motions)
 
     def end(self, result: Result, folder: Path) -> None:
-        """Write the heights of wrinkles, if any are told of."""
+        """Write the heights of wrinkles, if any are reported."""
         for name, ply in self.wrinkle_heights.items():
             file = folder / f"{'_'.join(['wrinkles', *name.split()])}.vtu"
             file.unlink(missing_ok=True)  # of stages before

@@ -26,7 +26,7 @@ OFF_BLANK = 0.01  # of its size, up to which a point off the blank stands for on
 
 
 class Holder(Protocol):
-    """What holds the rim of a blank: any object with this method.
+    """Blank holder: any object with this method.
 
     Examples
     --------
@@ -67,9 +67,9 @@ class Kind(KnowsItsFields):
 @documented
 @dataclass(frozen=True)
 class PressureHolder(Kind):
-    """A pressure on what lies on the flat face of the die, a tool that does not move: a number, or
-    a function of the load factor, 0 to 1 over the whole run. Of a stack it presses the sheet
-    that is nearest to the holder at each place.
+    """A pressure on the part of the blank that lies on the flat face of a die that does not move: a
+    number, or a function of the load factor, 0 to 1 over the whole run. In a stack it acts at each
+    place on the sheet nearest to the holder.
 
     Examples
     --------
@@ -166,7 +166,7 @@ class GapHolder(Kind):
 @documented
 @dataclass(frozen=True)
 class Grippers(Kind):
-    """A pull at the edges of a rectangular blank, outwards and within its plane. When built, raises
+    """An outward, in-plane line load at the edges of a rectangular blank. When built, raises
     InputError if no edge is gripped.
 
     Examples
@@ -201,7 +201,7 @@ class Grippers(Kind):
 @documented
 @dataclass(frozen=True)
 class SpringHolder(Kind):
-    """Springs that pull the blank outwards to fixed anchors; the sheets of a stack share each. When
+    """Springs that pull the blank outwards to fixed anchors; sheets of a stack share them. When
     built, raises InputError for a point beyond a plane of symmetry.
 
     Examples
@@ -260,7 +260,7 @@ class SpringHolder(Kind):
 @documented
 @dataclass(frozen=True)
 class BeadHolder(Kind):
-    """A bead on the die's flange, as an equivalent drawbead, see `LineBead`. When built, raises
+    """An equivalent drawbead on the flange of the die, see `LineBead`. When built, raises
     InputError for a line off the flange.
 
     Examples

@@ -23,9 +23,9 @@ from .laying import Laid
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Interface(KnowsItsFields):
-    """Contact of sheets with tools and with one another.
+    """Contact of sheets with tools and with each other.
 
-    Coefficients may be a `Field` of the place x, y, z where a tool is touched, as it stands at
+    Coefficients may be a `Field` of the place x, y, z where a tool is touched, in its initial
     first; of sheets on sheets see `Sheet.friction`. Forces between sheets may lag more. `penalty`
     makes faces of fabric rigid.
 

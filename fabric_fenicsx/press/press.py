@@ -24,12 +24,12 @@ class Press(PressData):
     Parameters
     ----------
     sheets
-        The lowest first; one alone needs no list.
+        The lowest first; a single sheet needs no list.
     symmetry
         "x": x = 0 is a plane of symmetry, and x >= 0 is modelled; "y" likewise, "xy" for both: a
         quarter. "none" for the whole blank. {"y": -400.0} for a plane elsewhere [mm].
     interface
-        How sheets and tools touch.
+        Contact between sheets and tools.
     tools
         {name: `PressTool`}.
     holders

@@ -187,7 +187,7 @@ def _put(document, names, value):
 
 
 def _enter(table, names, value):
-    """Set the last name of a path in its table, in place of entries that it excludes."""
+    """Set the last name of a path in its table, instead of entries that it excludes."""
     kind, key = names[0], names[-1]
     excluded: Collection[str] = {"stage.moves": ["close"], "stage.close": ["moves"]}.get(
         f"{kind}.{key}", Sheet.REPLACES.get(key, ()) if kind in ("blank", "ply") else ()

@@ -128,7 +128,7 @@ class Flange:
 
 @dataclass(frozen=True, kw_only=True)
 class HolderSite:
-    """What a blank holder gets to make its terms.
+    """Information that a blank holder gets to create its terms.
 
     - name, die, up, thickness: its name, the tool on which it presses the blank, the direction (3,)
       towards that, and the thickness of all between them [mm]

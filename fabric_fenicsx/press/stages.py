@@ -17,7 +17,7 @@ from .tools import PressTool
 @documented
 @dataclass(frozen=True)
 class Stage(KnowsItsFields):
-    """What tools and holders do in one part of a run, all in proportion to the load: one of them
+    """Motions, forces and pressures in one part of a run, in proportion to the load: one of them
     must do something.
 
     - name: in results

@@ -23,7 +23,7 @@ from ..surfaces.surfaces import Surface, Turned, checked_vector
 @documented
 @dataclass(frozen=True)
 class DieOf(KnowsItsFields):
-    """The die of another tool, in place of a surface of its own.
+    """The die of another tool, instead of a surface of its own.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class PressTool(KnowsItsFields):
         Its surface; or the name of a file with triangles or a CAD model [mm]; or `DieOf` another
         tool.
     at
-        Place of the origin of its surface, (x, y, z) or (x, y) [mm], by default (0, 0), of a die
+        Position of the origin of its surface, (x, y, z) or (x, y) [mm], by default (0, 0), of a die
         that of its tool. Without z the tool is moved along z until it touches the blank, and then
         back by `start_distance`.
     turn

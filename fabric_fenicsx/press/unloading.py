@@ -33,23 +33,23 @@ _formed: WeakKeyDictionary[Scene, np.ndarray] = WeakKeyDictionary()
 def unloading(
     result: Result, *, together: bool = False, keep: Sequence[str] = (), **changes: Any
 ) -> Job:
-    """Job that unloads the sheets of a result, without tools, holders and loads but gravity.
+    """Job that unloads the sheets of a result, without tools, holders and loads except gravity.
 
     The forces that these, and supports, exerted on the nodes in the formed state are released in
-    proportion to the load, see `ReleaseForces`. The sheets keep their history, as plastic strains
-    and the sliding of yarns, and planes of symmetry stay. Rigid motions that are left are fixed at
-    a few nodes of each sheet, see `isostatic`, where forces are 0 in the end, or its weight. The
+    proportion to the load, see `ReleaseForces`. The sheets keep their history, i.e. plastic strains
+    and the sliding of yarns, and planes of symmetry remain. Remaining rigid motions are fixed at
+    a few nodes of each sheet, see `isostatic`, where forces are 0 at the end, or its weight. The
     run moves the sheets of `result.scene`, so its output is then that of the unloaded state.
 
-    - result: of any run that reached its full load
+    - result: of any run that reached full load
     - together: contact and friction between the sheets of a stack remain, and the sheets are pinned
       together at their fixed nodes. For deeply drawn stacks contact may not converge as it opens.
-      By default each sheet is unloaded alone, and the forces of its neighbours are released, too
-    - keep: names of supports that stay
-    - changes: in the fields of the `Job`
+      By default each sheet is unloaded separately, and forces of its neighbours are also released
+    - keep: names of supports to keep
+    - changes: of fields of the `Job`
 
-    Its quantities are the largest `springback` [mm], for a stack also of each sheet; energies that
-    are left in the sheets and released [N mm]; the sizes of forces on fixed nodes in sum [N].
+    Its quantities are the largest `springback` [mm], for a stack also of each sheet; the energies
+    left in the sheets and released [N mm]; the sum of the forces on fixed nodes [N].
     Raises InputError for a result that did not reach full load, and for names that no support has.
 
     Examples

@@ -1,4 +1,4 @@
-"""The error of a run, told by one more run on a coarser mesh; see docs/errors.md.
+"""The error of a run, estimated by another run on a coarser mesh; see docs/errors.md.
 
 On cells of another kind errors have other causes, so the difference of the two runs is about the
 sum of both. On cells of the same kind, twice as large, the other run's error is 2^p times the run's
@@ -42,7 +42,7 @@ class Rule(NamedTuple):
         return np.maximum(self.factor * np.abs(differences), self.share * np.abs(values))
 
     def error(self, value: float, difference: float = 0.0) -> float | None:
-        """The error of a number, None if it can't be told."""
+        """The error of a number, None if unknown."""
         error = float(self.errors(value, difference))
         return error if error <= MAX_SHARE * abs(value) else None
 
@@ -116,7 +116,7 @@ def mesh_decides(result: Result) -> str:
 def estimate(
     result: Result, other: Result, names: Iterable[str], *, of_other_kind: bool, forces_only: bool
 ) -> dict[str, float | None]:
-    """Absolute errors {quantity: error, None where it can't be told} of a run, by another one on a
+    """Absolute errors {quantity: error, None if unknown} of a run, by another one on a
     coarser mesh, of cells `of_other_kind` or of the same: of the reaction, strain energy, `names`
     of quantities, the curve (at most) and the FIELDS (root mean square over the area). The result's
     rows get the curve's as `error_N`, its fields those of the FIELDS as `error_...`. forces_only:

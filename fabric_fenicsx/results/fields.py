@@ -103,7 +103,7 @@ class FieldSeries:
         on_root(self.comm, self._begin)
 
     def write(self, load: float, fields: Fields | None = None) -> None:
-        """Append the scene's present state at `load`, in place of one at that load; fields: its
+        """Append the scene's present state at `load`, instead of one at that load; fields: its
         cell fields, if they are known already."""
         if self.states and self.states[-1][0] == load:
             self.states.pop()

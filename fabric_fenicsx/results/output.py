@@ -225,7 +225,7 @@ class Output:
 
     def amend(self, folder: Path | None, summary: Numbers, **facts: Any) -> Numbers:
         """`summary` with `facts`, and with verdict and warnings of what was said since it was
-        written, written anew; what is said and taken from now on is of the next one."""
+        written, rewritten; what is said and taken from now on is of the next one."""
         reasons = [*summary.get("reasons", []), *(each._asdict() for each in self.reasons)]
         reasons.sort(key=lambda each: -VERDICTS.index(each["verdict"]))
         verdict = reasons[0]["verdict"] if reasons else OK

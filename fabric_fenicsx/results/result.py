@@ -34,7 +34,7 @@ class Result:
     fields : Fields
         {name: array (cells, ...)} of this rank's cells, with their `units` {name: unit}.
     folder : Path or None
-        Folder of the results, None if nothing was kept.
+        Results folder, None if no files were written.
     scene : Scene
         In its last state.
 

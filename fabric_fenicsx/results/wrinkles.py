@@ -1,4 +1,4 @@
-"""Wrinkles of a formed ply: waves that rise and fall, told from what bends one way, its shape."""
+"""Wrinkles of a formed ply: waves, as opposed to shape, which bends one way."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -15,7 +15,7 @@ from .shape import outline
 pyvista = lazy_loader.load("pyvista")
 # of heights as a grid: fields of nodes, and the shortest and the longest wave, field data [mm]
 HEIGHT, LENGTH, RIPPLE, SEEN = "wrinkle_height", "wavelength", "ripple_height", "seen_wavelengths"
-MIN_HEIGHT = 0.1  # mm, the height from which on waves are told of
+MIN_HEIGHT = 0.1  # mm, the height from which on waves are reported
 MIN_RIDGE = 0.3  # mm by which a ridge of the rim stands out
 MIN_CELLS_SEEN = 4.0  # cells of the shortest wave that a mesh can make
 # Of bands of wavelengths: ratio of one to the next, places sampled of each, and directions

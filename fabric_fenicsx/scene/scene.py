@@ -23,7 +23,7 @@ OF_CELLS = "cells "  # begins the names of arrays in cells
 
 
 class Scene:
-    """A sheet with all that acts on it, at a load factor from 0 to 1.
+    """A sheet with its terms and supports, at a load factor from 0 to 1.
 
     Its energy is the sum of the energies of `terms`. A run minimises it at fixed supports,
     step by step up to the full load. Raises InputError without an elastic term, for a term of
@@ -32,7 +32,7 @@ class Scene:
     Parameters
     ----------
     blank
-        The sheet, or several that lie on one another.
+        The sheet, or a stack of sheets.
     terms
         Objects that store or take energy, as `Membrane`, `Bending` or `Contact`. The scene knows
         of them what `Term` says; each belongs to one scene.

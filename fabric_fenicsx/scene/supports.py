@@ -33,9 +33,9 @@ class Support:
         Displacement at full load (gdim,) [mm], which grows with the load factor, or a function of
         points (3, n) and load factor that returns (gdim, n). Raises InputError if it is neither.
     locates
-        The support only keeps the sheet from moving as a rigid body and should bear nothing. It is
-        dropped from a single sheet as soon as friction of tools holds that. Otherwise a run warns
-        if such supports bear more than 0.5 % of all forces on nodes from outside, added up by size,
+        The support only prevents rigid motions of the sheet and should carry no force. It is
+        dropped from a single sheet as soon as friction of tools holds it. Otherwise a run warns
+        if such supports carry more than 0.5 % of all external nodal forces, summed by magnitude,
         and is not valid beyond `Limits.located`.
 
     Examples
@@ -90,7 +90,7 @@ def clamped_ends(stroke: float = 0.0) -> Callable[[Blank], list[Support]]:
 def rolling_ends(stroke: float = 0.0) -> Callable[[Blank], list[Support]]:
     """Supports of a strip that is pulled at both ends, which are free to move across it.
 
-    One corner is fixed across, too. See `clamped_ends` for parameters, result and errors.
+    One corner is also fixed across. See `clamped_ends` for parameters, result and errors.
 
     Examples
     --------

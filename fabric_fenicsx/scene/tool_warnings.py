@@ -20,7 +20,7 @@ MAX_FRICTION = 2.0  # [-], above which a coefficient may be in per cent
 # angle of the least radius that one cell spans [deg]: in the double dome the punch force is then
 # 1.5 % off, with 149 deg 6 %; in trays of four sizes with 40 to 80 deg up to 4 %, above 28 and 72 %
 MAX_TURN = 90.0
-# cells along a sheet's longest side, with fewer of which nothing is told: with 1, 2, 4, 6 and 8 the
+# minimum of cells along a sheet's longest side: with 1, 2, 4, 6 and 8 the
 # hemisphere's punch force is 100 % too low, 32 % too low, 43 % too high, 13 % too low, 4 % too high
 MIN_CELLS = 5
 

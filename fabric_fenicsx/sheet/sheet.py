@@ -209,16 +209,16 @@ class Sheet(SheetFields, YarnBending):
     """A sheet of fabric, or of metal: a blank, or one ply of a stack.
 
     It is a rectangle of `length` and `width`, or has a `mesh` or an `outline`, which is flat, in a
-    plane z = const, and lies as in its file unless it is `centred`. A thickness, fibre angle,
-    friction and temperature, which is given, as no heat is conducted, may be a `Field` of x and y
-    of the flat sheet as it is laid. Stiffnesses in bending are those of `Bending`. It is cut along
-    `slits`, lines [[x, y], ...] of the flat sheet as it is laid [mm]: cells of an outline follow
+    plane z = const, and lies as in its file unless it is `centred`. Thickness, fibre angle,
+    friction and prescribed temperature may be a `Field` of x and y of the flat sheet in the press.
+    Stiffnesses in bending are those of `Bending`. It is cut along
+    `slits`, lines [[x, y], ...] of the flat sheet in the press [mm]: cells of an outline follow
     them, those of a rectangle or a mesh must have edges along them.
 
     Parameters
     ----------
     fabric, metal
-        What it is made of: one of them.
+        The material: one of them.
     name
         In results; by default "ply 1" and so on.
 

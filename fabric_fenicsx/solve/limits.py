@@ -32,7 +32,7 @@ def _limit(default, text):
 @documented
 @dataclass(frozen=True)
 class Limits:
-    """Limits beyond which a result is invalid: angles, and shares, of which 0.05 is 5 %.
+    """Limits of a valid result: angles, and shares (0.05 is 5 %).
 
     Examples
     --------

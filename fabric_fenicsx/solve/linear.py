@@ -97,7 +97,7 @@ def _users_options():
 
 def had_memory(pc: PETSc.PC) -> bool:
     """False if MUMPS ran out of the memory that its analysis estimated, as where many pivots were
-    zero then and are not now. It then starts anew with more, as it can't factor after an error."""
+    zero then and are not now. It then restarts with more, as it cannot factor after an error."""
     if pc.getType() not in ("lu", "cholesky") or pc.getFactorSolverType() != "mumps":
         return True
     factor, option = pc.getFactorMatrix(), 14  # memory beyond the estimate [%]

@@ -179,7 +179,7 @@ class LoadStepping:
         return step_criteria.missing_work(trial.work, trial.energy - stored, stored, contact)
 
     def _measure_on_the_way(self, trial, part):
-        """Measure work anew with the state at this part of the step; True if both are found."""
+        """Remeasure work with the state at this part of the step; True if both are found."""
         solution, iterations = self.newton.x.copy(), trial.report.iterations
         load, size = self.progress.load + part * trial.size, part * trial.size
         inner = TrialStep(load, size, trial.tolerance, self.scene.supports.values(load))

@@ -13,7 +13,7 @@ from .surfaces import Nearest, Surface
 class ImplicitSurface(Surface):
     """Surface F(x) = 0 with F < 0 in the body; the nearest point by Newton's method.
 
-    An own one gives `implicit` and `radii`; `bound`, and `value` where F alone is cheaper, save
+    A subclass defines `implicit` and `radii`; `bound`, and `value` if F alone is cheaper, save
     time. Gap, normal and curvature are exact at the point found, whose distance from the surface
     and from the foot of the normal is below 1e-11 mm. None may be found further away than `radii`,
     where it can also be a point that is not the nearest of all. Rows are then NaN, unless F has one

@@ -14,7 +14,7 @@ ROUNDING = 1 + 1e-12
 
 
 class Plane(Surface):
-    """Plane with the body behind it, by any `point` (3,) on it [mm] and its `normal` (3,) out of
+    """Plane with the body behind it, defined by a `point` (3,) [mm] and its `normal` (3,) out of
     the body, of any length. Raises InputError for other values.
 
     Examples
@@ -161,7 +161,7 @@ class Plate(Surface):
 
 
 class Block(Surface):
-    """Block with all its edges rounded, like the punch of a box.
+    """Block with rounded edges, such as the punch of a box.
 
     length, width, height: along x, y and z, over all. radius: of the edges around top and bottom;
     corner: of the upright edges in the plan, from `radius`, which it is by default. centre (3,): of

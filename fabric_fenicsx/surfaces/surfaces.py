@@ -63,11 +63,11 @@ def checked_points(points: ArrayLike) -> np.ndarray:
 
 
 class Surface:
-    """Base of all surfaces; an own one gives `nearest(points, reach)`, and `radii` if curved.
+    """Base of all surfaces; a subclass defines `nearest(points, reach)`, and `radii` if curved.
 
-    One that is known by an equation F(x) = 0 is less work as an `ImplicitSurface`. The gap must be
-    the distance, the normal its gradient and the curvature its Hessian: forces and stiffness of
-    contact are made of them. `Reversed`, `Offset`, `Flipped`, `Turned` and `Tool` take any surface.
+    For an equation F(x) = 0, `ImplicitSurface` is simpler. The gap must be the distance, the normal
+    its gradient and the curvature its Hessian: forces and stiffness of contact are computed from
+    them. `Reversed`, `Offset`, `Flipped`, `Turned` and `Tool` accept any surface.
 
     Examples
     --------

@@ -31,7 +31,7 @@ class Frame(NamedTuple):
 
 
 class Tool:
-    """A rigid body, bounded by a `surface`, that moves without turning: along a path, or along a
+    """A rigid body, bounded by a `surface`, that moves without rotation: along a path, or along a
     line by force. `name` is the tool's in summaries and errors.
 
     Raises InputError for a path or force that does not give three finite numbers, a force that

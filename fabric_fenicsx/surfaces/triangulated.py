@@ -37,9 +37,9 @@ class SearchCache(NamedTuple):
 
 
 class TriangulatedSurface(Surface):
-    """Surface through triangles, curved where they stand for a curved one.
+    """Surface through triangles, curved where they approximate a curved surface.
 
-    Curved patches go through the triangles' corners with common tangent planes across edges; where
+    Curved patches go through the triangles' corners, with common tangent planes across edges; where
     facets lie in one plane the surface is that plane, up to where an arc to the next points begins.
     With edges of length h the errors are h^3 to h^4 in the gap and h^2 to h^3 in the normal where
     the curvature is smooth, h^2 and h across other jumps of it. Gap, normal and curvature are exact

@@ -117,7 +117,7 @@ def spread(runs: Sequence[Run], ranges: Sequence[Range], quantity: str) -> dict:
 
 
 def _words(label, spread):
-    """What a person is told of a `spread`."""
+    """Sentences on a `spread`."""
     mean, low, high = (rounded(each, 4) for each in (spread["mean"], *spread["bounds"]))
     ends = f"90 % of {spread['runs']} runs between {low} and {high}"
     deviation = f"standard deviation {rounded(spread['deviation'], 3)}"
@@ -129,7 +129,7 @@ def _words(label, spread):
     return "\n".join([*lines, f"  not explained linearly: {percent(spread['left'], 2)}"])
 
 
-def told(
+def statistics(
     runs: Sequence[Run], ranges: Sequence[Range], labels: Mapping[str, str], limits: Limits = ()
 ) -> tuple[list[str], dict]:
     """Sentences on the spread of the quantities {name: label} over valid runs, with the number

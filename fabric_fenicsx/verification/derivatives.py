@@ -23,7 +23,7 @@ def check_derivatives(
     load: float = 1.0,
     size: float | None = None,
 ) -> str:
-    """Compare the derivatives that an object gives with finite differences.
+    """Compare the derivatives of an object with finite differences.
 
     - A law: stresses with differences of its energy, tangents with those of its stresses; energy
       and stress at rest, which must be 0; energy, which must be least there.

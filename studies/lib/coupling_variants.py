@@ -15,7 +15,7 @@ def coupling_variants(fabric: Law) -> dict[str, Law]:
     }
     if not fabric.couplings:
         raise InputError(
-            f"variants of the couplings are asked for, and the fabric, of law {fabric.law}, has "
+            f"the fabric, of law {fabric.law}, has "
             "none; expected a fabric with couplings, as komeili"
         )
     return variants

@@ -52,5 +52,5 @@ if __name__ == "__main__" and sys.argv[0]:  # empty in ParaView's own shell
     parser.add_argument("--spacing", type=float, default=20.0, help="between yarns [mm]")
     args = parser.parse_args()
     if not os.path.isfile(os.path.join(args.folder, "fields.pvd")):
-        parser.error(f"{args.folder}/fields.pvd is not there; expected the --out of a study")
+        parser.error(f"{args.folder}/fields.pvd does not exist; expected the --out of a study")
     show(**vars(args))

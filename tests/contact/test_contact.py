@@ -74,7 +74,7 @@ def test_derivatives(kind, side, direction):
 
 
 def test_forces_are_derivatives_where_the_mid_surface_is_deep_in_the_tool():
-    """Deeper than a ply is thick, where surfaces may tell a bound in place of the gap."""
+    """Deeper than a ply is thick, where surfaces may tell a bound instead of the gap."""
     fabric, surface = ff.load("komeili"), SURFACES["double dome"]
     blank = sheet(10, 10, 5, 5, comm=MPI.COMM_SELF)
     contact = ff.Contact(ff.Tool(surface, name="tool"))

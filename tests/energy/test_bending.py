@@ -114,7 +114,7 @@ def on_an_arc(kappa, bending, fabric=KOMEILI, angle=0.0, nx=8, **membrane):
 @pytest.mark.parametrize("angle, stiffness", [(0, 3.2), (90, 1.4), (30, 2.54375)])
 def test_an_arc_takes_the_energy_of_its_curvature(angle, stiffness):
     """D k^2 / 2 per area; D = D_a c^4 + D_b s^4 + D_t c^2 s^2 of yarns whose curvatures are k c^2,
-    k s^2 and k c s. Cells turn by 11 deg; slopes in place of angles would take 1.3 % less."""
+    k s^2 and k c s. Cells turn by 11 deg; slopes instead of angles would take 1.3 % less."""
     for kappa in (0.02, -0.2):
         found, _ = on_an_arc(kappa, {"D_a": 3.2, "D_b": 1.4, "D_t": 3.5}, angle=angle)
         assert found["bending"] == pytest.approx(stiffness * kappa**2 / 2, rel=1e-3)

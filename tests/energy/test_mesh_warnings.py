@@ -135,8 +135,8 @@ def test_where_the_law_allows_bands(width, short, B):
     assert said.startswith("in 1.1 % of blank, as at (0.") == (width > 1) == bool(said)
     Gt = t * 0.02506 * math.exp(100 * ((1 - short) ** 2 - 1) ** 3)
     told = f"of about sqrt(B / ({Gt:.3g} N/mm)) there, and cells have half of it"
-    told += f": {math.sqrt(B / Gt) / 2:.3g} mm, in place of 10" * bool(B)
-    assert not said or told in said and ("in place of" in said) == bool(B)
+    told += f": {math.sqrt(B / Gt) / 2:.3g} mm instead of 10" * bool(B)
+    assert not said or told in said and ("instead of" in said) == bool(B)
     assert said.endswith("yarns are shortened by 15 %, is its rim, not a band") == (short > 0.1)
 
 

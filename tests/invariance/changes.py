@@ -159,7 +159,7 @@ def longer(press, folder):
 
 
 def whole(press, folder):
-    """The whole blank in place of a quarter or half."""
+    """The whole blank instead of a quarter or half."""
     sheets = [sheet.mirrored(press.planes) for sheet in press.sheets]
     return press.replace(sheets=sheets, symmetry="none")
 

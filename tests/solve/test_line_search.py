@@ -14,7 +14,7 @@ from fabric_fenicsx.solve.step_criteria import imbalance, missing_work, off_path
 
 
 class Along:
-    """An energy of one variable, in place of a scene's."""
+    """An energy of one variable, instead of a scene's."""
 
     INVERTED = 1e30
 

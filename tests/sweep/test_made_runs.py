@@ -59,7 +59,7 @@ def test_scatter_of_four_runs(made):
     assert found["left"] == pytest.approx(1 / whole)
     lost = made({"m.b": 10, "m.a": 2}, status=3, quantities={"q": 99})
     labels, limits = {"q": "length [mm]"}, [("q", 8.5), ("q", 8.6)]
-    told, spreads = results.told([*runs, lost], ranges[1:], labels, limits)
+    told, spreads = results.statistics([*runs, lost], ranges[1:], labels, limits)
     assert [*spreads] == ["q"] and told[0].splitlines() == [
         "length [mm]: mean 10, standard deviation 2.65, 90 % of 4 runs between 7.65 and 13.05",
         "  a from 0 to 4: +8 +- 3, 68 % of the variance",
@@ -68,7 +68,7 @@ def test_scatter_of_four_runs(made):
     assert told[1:3] == ["q below 8.5: in 1 of 4 runs", "q below 8.6: in 2 of 4 runs"]
     assert told[3].startswith("1 of 5 runs are not valid and left out")
     with pytest.raises(SolverFailure, match="4 of 5 runs are valid, too few"):
-        results.told([*runs, lost], ranges, labels)
+        results.statistics([*runs, lost], ranges, labels)
 
 
 def test_a_design_fills_its_ranges():

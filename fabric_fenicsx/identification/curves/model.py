@@ -88,7 +88,7 @@ class Kind(NamedTuple):
 
     @property
     def image(self) -> tuple[str, ...]:
-        """Columns of image correlation that the test may have in place of gamma."""
+        """Columns of image correlation that the test may have instead of gamma."""
         return ("exx", "eyy", "exy") if self.strains == ("gamma",) else ()
 
 

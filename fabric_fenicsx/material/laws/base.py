@@ -36,12 +36,12 @@ TABLES: dict[str, type[Parameters]] = {
 @parameters
 @dataclass(frozen=True)
 class Law(Material, Energy):
-    """A fabric: the parameters of a constitutive law and what all fabrics have.
+    """A fabric: the parameters of a constitutive law and common properties.
 
-    A law is one frozen dataclass in one file. It states `law`, its name in material files; `rules`,
-    a `Rule` for each of its numbers; and `energy`, from which all else follows. It may have closed
-    forms for the kernel (`derivatives`), and `factors` that multiply several numbers together, for
-    `changed`.
+    A law is one frozen dataclass in one file. It defines `law`, its name in material files;
+    `rules`, a `Rule` for each parameter; and `energy`, from which all else is derived. It may have
+    closed forms for the kernel (`derivatives`), and `factors` that multiply several parameters
+    together, for `changed`.
 
     Examples
     --------

@@ -105,16 +105,16 @@ class Curve(Parameters):
 
 @dataclass(frozen=True)
 class TabulatedFabric(Law):
-    """A fabric without couplings, from curves of its warp, its weft and its shear.
+    """A fabric without couplings, from curves for warp, weft and shear.
 
     Raises InputError for a shear table that begins below 0, and for a value out of its range.
 
     Parameters
     ----------
     warp, weft : Curve
-        Nominal stress [MPa] over strain [-] along the yarns.
+        Nominal stress [MPa] against strain [-] along the yarns.
     shear : Curve
-        Shear stress [MPa] over shear angle [rad] from 0 on; the other sense is its mirror image.
+        Shear stress [MPa] against shear angle [rad] from 0 on, mirrored for negative angles.
     thickness, density, name, compaction, fibre_density, fibre_share, assumed
         As in `Law`.
 
