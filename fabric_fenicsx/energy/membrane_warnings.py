@@ -64,7 +64,8 @@ def band_warning(membrane: Membrane) -> str:
         f"in {percent(share)} of {part.name or blank.name}, e.g. at {of_sheet(centre)}, "
         "the law allows bands: strains concentrate in rows of cells that depend on mesh and steps, "
         "and so do the largest strains and shear angles, unless in-plane bending "
-        f"(`in_plane_stiffness`, B) gives bands a width{width}{apart}"
+        f"(`in_plane_stiffness`, B) gives bands a width{width}{apart}; use neither "
+        "of these values, or check them with another `nx`"
     )
 
 
