@@ -191,8 +191,13 @@ def texts() -> dict[str, str]:
 def readme(text: str) -> str:
     """README with its numbers."""
     known = texts()
-    text = re.sub(r"(<!-- (\w+) -->).*?(<!-- -->)", lambda m: m[1] + known[m[2]] + m[3], text)
-    return re.sub(r"```text\n.*?```", f"```text\n{known['ball']}\n```", text, flags=re.S)
+
+    def put(found):
+        is_block = found[3].startswith("\n```")
+        text = f"\n```text\n{known[found[2]]}\n```\n" if is_block else known[found[2]]
+        return found[1] + text + found[4]
+
+    return re.sub(r"(<!-- (\w+) -->)(.*?)(<!-- -->)", put, text, flags=re.S)
 
 
 def cpu_seconds(known: dict[str, float]) -> dict[str, float]:

@@ -122,6 +122,17 @@ def main() -> None:
         for name in ("forming", "hemisphere"):
             shrunk(Path(path) / f"results/{name}/formed.png", f"{name}_in_space")
         in_space(Path(path))
+        words = [
+            sys.executable,
+            "-m",
+            "fabric_fenicsx",
+            "tensile",
+            "--no-error",
+            "--out",
+            "tensile",
+        ]
+        subprocess.run(words, cwd=path, env=environment, check=True)
+        shrunk(Path(path) / "tensile/maps.png", "tensile")
     double_dome()
     for name in LARGE:
         shrunk(DOCS.parent / f"studies/pictures/{name}.png", name)
