@@ -42,14 +42,14 @@ def test_each_taker_refuses_what_is_no_number_and_takes_those_of_numpy():
             try:
                 make(wrong)
             except ff.InputError as error:
-                taken += [] if re.search(" (is|are) .*; allowed (is|are) ", str(error)) else [name]
+                taken += [] if re.search(" (is|are) .*; expected ", str(error)) else [name]
             else:
                 taken.append(name)
     assert not taken
 
 
 def test_none_stands_for_a_default_that_depends_on_others_alone():
-    with pytest.raises(ff.InputError, match="`strain` is None; allowed is"):
+    with pytest.raises(ff.InputError, match="`strain` is None; expected"):
         ff.Tensile(strain=None)
     assert ff.Tensile(length=None, width=20, nx=4).build().data.length == 200
     assert ff.Job(scene(), path_tolerance=None).path_tolerance is None

@@ -75,8 +75,8 @@ class FaceContact(ContactTerm):
         deepest = -self.blank.mesh.comm.allreduce(self.first.gap.min(initial=np.inf), MPI.MIN)
         if deepest > self.thickness / 4:
             raise InputError(
-                f"{self.name} begins with sheets that overlap by {rounded(deepest)} mm; allowed "
-                "are sheets laid on one another with their thicknesses"
+                f"{self.name} begins with sheets that overlap by {rounded(deepest)} mm; expected "
+                "sheets placed on each other with their thicknesses"
             )
         self._start_friction()
 

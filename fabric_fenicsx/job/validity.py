@@ -44,7 +44,7 @@ def _in_space(scene):
 def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:
     """Sentences on what no later state mends: penetration of tools, and stretched yarns."""
     depth, where = scene_output.deepest(scene)
-    wrong = [f"{each}, deepest at {where}" for each in limits.exceeded({"penetration": depth})]
+    wrong = [f"{each}; deepest: {where}" for each in limits.exceeded({"penetration": depth})]
     over = scene_output.overstretched(scene, limits.strain)
     if over > EDGES:
         wrong.append(

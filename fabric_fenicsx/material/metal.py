@@ -201,7 +201,7 @@ class Metal(Material):
         law = document.pop("law", None)
         if law != cls.law:
             raise InputError(
-                f"law is {repr_short(law)}; allowed for a metal is {repr_short(cls.law)}"
+                f"law is {repr_short(law)}; expected {repr_short(cls.law)} for a metal"
             )
         name = document.pop("name", "")
         units, curve = files.take_units(document), files.take_table(document, "hardening")

@@ -205,8 +205,8 @@ class HolderSite:
             if (shared := self.total(weights, mask(x), other(x))) > most:
                 both = f"holders.{name} and holders.{self.name}"
                 raise InputError(
-                    f"{both} overlap on {rounded(shared, 4)} {unit}, where both would act; allowed "
-                    "are segments beside each other (`where`)"
+                    f"{both} overlap on {rounded(shared, 4)} {unit}; expected "
+                    "segments beside each other (`where`)"
                 )
         earlier[self.name] = mask
         return others

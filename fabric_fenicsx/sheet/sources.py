@@ -48,7 +48,7 @@ def rectangle(
         layout.nx * ny * (1 if cell[0] == "q" else {"left": 2, "right": 2}.get(layout.pattern, 4))
     )
     if count > MAX_CELLS:
-        raise InputError(f"`nx` is {layout.nx}, `ny` {ny}: {_cost(count)}; expected {MAX_CELLS:,}")
+        raise InputError(f"`nx` is {layout.nx}, `ny` {ny}: {_cost(count)}; at most {MAX_CELLS:,}")
     axes, shift = axes_of(turned), middle * np.asarray(centred)
     start = np.array([planes.get(axis, 0.0) for axis in (0, 1)])
     yarns = _yarns(layout, (middle - shift) @ axes + start)
@@ -105,7 +105,7 @@ def _cost(cells):
 
 def _check_triangles(layout, what):
     if (layout.element or "P")[0] != "P":
-        raise InputError(f"`element` is {layout.element}; allowed for {what} are triangles (P)")
+        raise InputError(f"`element` is {layout.element}; expected triangles (P) for {what}")
 
 
 def _yarns(layout, place):
@@ -178,7 +178,7 @@ def outline_mesh(
     """
     size = POSITIVE.check("`size`", size)
     if pattern not in PATTERNS:
-        raise InputError(f"`pattern` is {pattern!r}; allowed for an outline are {PATTERNS}")
+        raise InputError(f"`pattern` is {pattern!r}; expected {PATTERNS} for an outline")
     low, high = np.reshape(sheet.bounds, (2, 2))
     cells = sheet.area / size**2 * (4 if pattern == "along" else 4 / math.sqrt(3))
     if size > (high - low).min() / 2 or cells > MAX_CELLS:

@@ -54,7 +54,7 @@ def test_a_pattern_reaches_two_thicknesses_of_all_plies_and_tells_its_areas(aske
     ((where, reach),) = asked("--plane", "-1,2,3,0,0,2", "--reach", "0.7", "--sheet", "upper")
     assert reach == 0.7 and (where.point, where.normal) == ((-1, 2, 3), (0, 0, 2))
     for wrong in ("z=nan", "1,2,3,0,0,0", "w=1", "1,2,3"):
-        with pytest.raises(ff.InputError, match=f"--plane is {wrong}; allowed is"):
+        with pytest.raises(ff.InputError, match=f"--plane is {wrong}; expected"):
             asked("--plane", wrong)
 
 

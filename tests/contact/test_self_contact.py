@@ -216,7 +216,7 @@ def test_an_elastica_that_touches_itself(halved):
 def test_half_a_strip_that_goes_beyond_its_plane_of_symmetry_is_not_valid():
     with pytest.raises(ff.SolverFailure) as error:
         strip(40, ff.SelfContact(T, penalty=10.0), end=12.0, halved=True).run()
-    words = "its image: 18 nodes lie up to (.*) mm beyond the plane that support 'plane of"
+    words = "its image: 18 nodes lie up to (.*) mm beyond the plane of support 'plane of"
     assert float(re.search(words, str(error.value))[1]) == pytest.approx(1.31, rel=0.02)
     assert "or `SelfContact(symmetric=...)`" in str(error.value)
 

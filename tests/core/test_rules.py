@@ -75,9 +75,9 @@ class Made:
 def test_fields_are_checked_and_doubted_above_their_bound():
     made = Made(size=5, nx=2.0)
     assert check_fields(made) == [] and (made.nx, type(made.size)) == (2, float)
-    assert check_fields(Made(5.1)) == ["`size` is 5.1, which is much: is it in um?"]
+    assert check_fields(Made(5.1)) == ["`size` is 5.1, which is large: is it in um?"]
     for wrong in ({"size": None}, {"nx": 0}, {"kind": "c"}, {"fast": 1}):
-        with pytest.raises(InputError, match=f"`{[*wrong][0]}` is .*; allowed is"):
+        with pytest.raises(InputError, match=f"`{[*wrong][0]}` is .*; expected"):
             check_fields(Made(**wrong))
 
 

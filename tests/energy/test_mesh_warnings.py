@@ -97,7 +97,7 @@ def test_cells_that_stretch_yarns_to_and_fro_are_doubted(
         told = locking_warning(membrane)
         assert bool(told) == (share > least)
         assert ("forces are not reliable" in told) == bool(excess and share == 0.26)
-    number = f"about {200 * excess * least:.2g} % too high" if excess else "is not quantified"
+    number = f"about {200 * excess * least:.2g} % too high" if excess else "force error is unknown"
     assert number in told
 
 
@@ -137,7 +137,7 @@ def test_where_the_law_allows_bands(width, short, B):
     told = f"of about sqrt(B / ({Gt:.3g} N/mm)) there, and cells have half of it"
     told += f": {math.sqrt(B / Gt) / 2:.3g} mm instead of 10" * bool(B)
     assert not said or told in said and ("instead of" in said) == bool(B)
-    assert said.endswith("yarns are shortened by 15 %, is its rim, not a band") == (short > 0.1)
+    assert said.endswith("yarns are shortened by 15 %, is not a band") == (short > 0.1)
 
 
 YARN = Curve((-0.05, 0.0, 0.01, 0.03), (-0.5, 0.0, 35.0, 135.0))
@@ -161,7 +161,7 @@ def test_share_of_the_area_and_the_furthest_strain_are_told():
     (words,) = told(TABLE, lambda x: [0.01 * x[0] + 0.05 * (x[0] - 45) * (x[0] > 45), 0 * x[1]])
     start = "in 43.8 % of blank eps_a is beyond the table of warp, which ends at 3 %"
     assert words.startswith(start)
-    assert "it reaches 6 %; there the stress stays at the table's last" in words
+    assert "it reaches 6 %; there the last stress is kept" in words
     (words,) = told(TABLE, lambda x: [-0.06 * x[0], 0 * x[1]])
     assert "eps_a is beyond the table of warp, which ends at -5 %: it reaches -6 %" in words
     for turn in (-0.7, 0.7):  # of yarns a alone

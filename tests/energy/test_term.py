@@ -97,7 +97,7 @@ def test_a_field_or_an_entry_that_two_terms_give():
     mine, other, loads = telling("cell_fields")(K), telling("cell_fields")(K), []
     other.name, other.set_load = "other", loads.append
     scene = scene_with(mine, other)
-    words = "`cell_fields` of term other gives the field hits, which term mine gives already; all"
+    words = "`cell_fields` of term other returns the field hits, which term mine returns already"
     with pytest.raises(ff.InputError, match=words):
         ff.Job(scene, steps=1).run()
     assert set(loads) <= {0.0}

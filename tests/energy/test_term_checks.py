@@ -50,13 +50,13 @@ def tangents_that_change():
 @pytest.mark.parametrize(
     "method, does, words",
     [
-        ("tangent", moved, "`tangent` of term springs gives other places than rows and columns"),
+        ("tangent", moved, "`tangent` of term springs returns entries outside the matrix"),
         ("tangent", tangents_that_change(), "other places than before; .* unless `pattern` counts"),
-        ("add_forces", lambda self, f: f + 1.0, "springs returns something, or loses"),
-        ("add_forces", in_place_of_others, "loses what other terms added; expected to add to"),
+        ("add_forces", lambda self, f: f + 1.0, "springs returns a value, or overwr"),
+        ("add_forces", in_place_of_others, "overwrites forces of other terms; it must add"),
         ("energies", lambda self: {"viscous": 1.0}, "springs has the kind of energy viscous; allo"),
         ("summary", lambda self: {"converged": 3}, "entry converged, which summary.json has"),
-        ("nodal_fields", lambda self: {"u": 3}, r"gives u with shape \(\); allowed is"),
+        ("nodal_fields", lambda self: {"u": 3}, r"returns u with shape \(\); expected"),
     ],
 )
 def test_answers_that_end_a_run(method, does, words):
@@ -138,7 +138,7 @@ def test_energies_on_two_edges():
     found = scene.energies()
     assert found["edge"] == pytest.approx(0.5 * 0.5 * 2 * 0.2**2 * 10, rel=1e-12)
     assert found["top"] == pytest.approx(0.5 * 3.0 * 2 * 0.2**2 * 10, rel=1e-12)
-    with pytest.raises(ff.InputError, match="edge marks no side of left, part of blank; allowed"):
+    with pytest.raises(ff.InputError, match="edge marks no side of left, part of blank; expected"):
         blank.part("left").ds(near(0, 20.0))
 
 

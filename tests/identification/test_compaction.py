@@ -150,7 +150,7 @@ def test_of_a_loop_the_loading_is_read(tmp_path):
 
     test = read([*P, 0.1, 0.001], [*H, 0.25, 0.35])
     assert test.pressure.tolist() == P
-    assert "pressure turns back behind row 6" in test.remarks[0]
+    assert "pressure reverses after row 6" in test.remarks[0]
     for p, h, words in (
         (P[::-1], H, "row 6: pressure is 0.001 MPa at last; expected to rise"),
         (P, H[::-1], "thickness is 0.4 mm under the highest pressure and 0.28 mm under"),

@@ -144,7 +144,7 @@ def test_a_deck_is_read_and_nodes_in_a_coordinate_system_are_refused(tmp_path):
         "  GRID,4,5,0.,10.,0.",
     ):
         text = f"BEGIN BULK\n{three}\n{card}\nCQUAD4,1,1,1,2,3,4\nENDDATA\n"
-        with pytest.raises(InputError, match="has a GRID in coordinate system 5, .*; allowed is"):
+        with pytest.raises(InputError, match="has a GRID in coordinate system 5, .*; expected"):
             read(tmp_path / "square.bdf", text)
     (tmp_path / "nodes.inc").write_text(GRIDS)
     text = "BEGIN BULK\ninclude 'nodes.inc'\n{}CQUAD4,1,1,1,2,3,4\nENDDATA\n"
@@ -238,7 +238,7 @@ def test_stl_with(tmp_path, case):
 def test_stl_that_is_cut_off_or_wrong(tmp_path):
     for content, words in (
         (text()[:-60].encode(), "has 5 vertices in 2 facets"),
-        (binary(count=3), "tells of 3 triangles and holds 100 bytes of them"),
+        (binary(count=3), "declares 3 triangles and holds 100 bytes of them"),
     ):
         (tmp_path / "plate.stl").write_bytes(content)
         with pytest.raises(InputError, match=words):

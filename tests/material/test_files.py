@@ -173,12 +173,12 @@ def test_a_factor_multiplies_the_stresses_of_one_kind(fabric):
 END = "s3 = 562.39e-3\n"
 REFUSED = [  # of a file, or behind a line of it
     ("a = 4130", "a_psi = 1", "yarns.a_psi is unknown (did you mean a_Pa?); expected a_MPa"),
-    ("a = 4130", "", "missing yarns.a; expected to give all, in [yarns] or [warp]"),
+    ("a = 4130", "", "missing yarns.a; expected all of them, in [yarns] or [warp]"),
     ('density = "g/cm3"', "", "density has no unit; expected density_g_per_cm3 or density_kg"),
     ("thickness = 1.0", "law = 'tabelled'", "law 'tabelled' is unknown (did you mean tabulated?)"),
     (END, "[shear_friction]\nstiffness_MPa = [2, 1]\nstrength_MPa = 1", "2 stiffnesses and 1 str"),
-    (END, "[bending]\ncantilever_a_mm = 200", "bending is incomplete, or told twice"),
-    (END, "[bending]\ncurvature_1_per_m = [0, 1]\nmoment_a_N = [1, 1]", "one that rises "),
+    (END, "[bending]\ncantilever_a_mm = 200", "bending is incomplete, or given twice"),
+    (END, "[bending]\ncurvature_1_per_m = [0, 1]\nmoment_a_N = [1, 1]", "a curve that rises "),
     (END, "[scatter]\ns1 = [0.02, 0.025]", "scatter.s1 is from 0.02 to 0.025, and s1 is 0.02506"),
     (CURVE, f"{CURVE_OF}[0]\nsigma_MPa = [1]", "two lists of 2 or more"),
     (CURVE, f"{CURVE_OF}[0, 1]\nsigma_MPa = [2, 1]", "point 2 is (1.0, 1.0"),
@@ -199,7 +199,7 @@ def test_what_cannot_be_read_written_or_set(tmp_path):
         (lambda: ff.load("nylon.toml"), r"nylon.toml' is unknown; expected a preset \(komeili, "),
         (lambda: ff.load(tmp_path / "bytes.toml"), "bytes.toml: cannot be read .*; expected TO"),
         (lambda: KOMEILI.to_toml(tmp_path / "none" / "x.toml"), "x.toml can't be read or written"),
-        (lambda: KOMEILI.replace(fibre_density=0.75), "fibre_density is 0.75 g/cm3; allowed is"),
+        (lambda: KOMEILI.replace(fibre_density=0.75), "fibre_density is 0.75 g/cm3; expected"),
     ):
         with pytest.raises(ff.InputError, match=words):
             call()

@@ -44,7 +44,7 @@ def test_a_temperature_is_given_where_it_is_of_use_and_nowhere_else():
         ff.Membrane(fabric)
     with pytest.raises(ff.InputError, match="`temperature` is 250; expected from 20 to 200"):
         ff.Membrane(fabric, temperature=250)
-    with pytest.raises(ff.InputError, match="is 100; expected none, .* no numbers at temp"):
+    with pytest.raises(ff.InputError, match="is 100; expected none, .* no parameters at temp"):
         ff.Membrane(KOMEILI, temperature=100.0)
     with pytest.raises(ff.InputError, match="s1 is changed, and material glass has its own"):
         fabric.changed({"s1": 0.05})

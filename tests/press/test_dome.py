@@ -23,7 +23,7 @@ def test_tools_close_to_the_clearance_that_is_asked():
         heights = [made.tools["punch"].path(load)[2] for load in np.linspace(0, 1, len(stages) + 1)]
         assert np.diff(heights) == pytest.approx([20, 40] if len(stages) > 1 else [60], abs=1e-6)
         assert made.schedule.distance("punch", 1.0) == pytest.approx(clearance)
-    words = "tools punch and die go .* through one another at the end of forming"
+    words = "tools punch and die overlap by .* at the end of forming"
     with pytest.raises(ff.InputError, match=words):
         dome(nx=4, stroke=62.0)
 
@@ -51,7 +51,7 @@ def test_tools_that_close_to_less_than_the_pressed_thickness_are_told_of(apart, 
 def test_a_punch_with_a_crack_beneath_the_ply_or_in_inches_is_refused():
     points, triangles = double_dome(size=20, turn=15)
     whole = (abs(points[triangles].mean(1)[:, :2]) > 30).any(1)
-    with pytest.raises(ff.InputError, match="tools.punch is open at .* beneath the blank; allowed"):
+    with pytest.raises(ff.InputError, match="tools.punch is open at .* under the blank; expected"):
         dome(surface=ff.TriangulatedSurface(points, triangles[whole]), nx=4)
     with pytest.raises(ff.InputError, match="tools.punch is open at .* is a surface in mm"):
         dome(surface=ff.TriangulatedSurface(points / 25.4, triangles), nx=4)

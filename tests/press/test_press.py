@@ -150,7 +150,7 @@ def test_an_answer_less_symmetric_than_its_press_is_doubted():
     result.grid.point_data["u"][result.grid.points[:, 0] > 1, 0] += 1
     (doubt,) = press.doubts(result)
     assert "its own mirror image in x = 0, but the blank, which" in doubt.text
-    assert " mm in plan, is 1 mm off its image at (" in doubt.text
+    assert " mm in plan, is off its image by 1 mm at (" in doubt.text
     held = {"left": ff.PressureHolder(0.1, where=lambda x: x[0] < 0)}
     turned, segment = hemisphere(*whole, "blank.fibre_angle=30"), hemisphere(*whole, holders=held)
     assert not [each for press in (aside, turned, segment) for each in press.doubts(result)]

@@ -86,19 +86,19 @@ def test_a_run_owns_what_is_on_its_list(tmp_path):
         assert before == contents()
 
     (tmp_path / "report.html").write_text("mine")
-    refused("", "holds inputs, or files that no run of it wrote: report.html; allowed")
+    refused("", "holds inputs, or files that no run of it wrote: report.html; expected")
     for folder, ends in ("all/A", True), ("all/B", False):  # which was killed
         run(folder, "formed.png", part="unloaded", ends=ends)
         for name in ("photo.png", "unloaded/notes.txt"):
             (tmp_path / folder / name).write_text("mine")
         refused(folder, "holds results")
-        refused("all", "wrote: A, B; allowed" if folder == "all/B" else ": A;", overwrite=True)
+        refused("all", "wrote: A, B; expected" if folder == "all/B" else ": A;", overwrite=True)
         run(folder, overwrite=True)
         own = "history.csv summary.json report.html log.txt .files.json .lock".split()
         names = {str(f.relative_to(tmp_path / folder)) for f in (tmp_path / folder).rglob("*.*")}
         assert names == {"photo.png", "unloaded/notes.txt", *own}
         (tmp_path / folder / "curve.png").write_text("mine")
-        refused(folder, "wrote: curve.png; allowed", overwrite=True)
+        refused(folder, "wrote: curve.png; expected", overwrite=True)
 
 
 def test_what_is_invalid_is_before_doubts_and_both_stay(tmp_path):

@@ -115,7 +115,7 @@ def test_a_quarter_has_the_pattern_of_the_whole_ply(trim):
         (np.array, [SQUARE * 3.01], r"leaves the ply at \(-?60.2, .*\) mm; "),
         (np.array, [SQUARE[[0, 2, 1, 3, 0]]], r"bounds no sheet: self-intersection at \(0, 0\) mm"),
         (np.array, Plane((0, 0, 3), (0, 0, 2)), "which lies from -3 to -3 mm before it"),
-        (folded, [SQUARE[:, :2] + [25, 0]], "above itself at .*; expected a trim line wi"),
+        (folded, [SQUARE[:, :2] + [25, 0]], "overlaps itself, .*; expected a trim line with"),
     ],
 )
 def test_other_lines_are_not_allowed(form, trim, words):

@@ -88,5 +88,5 @@ def test_the_command_writes_a_page_without_a_display(run, monkeypatch, capsys):
     monkeypatch.setattr(space, "page", lambda folder, field: f"{folder} {field}")
     for words, file in (((), "view.html"), (("--html", str(run / "a.html")), "a.html")):
         assert told(run, *words)[0] == 0 and (run / file).read_text() == f"{run} None"
-        assert f"{file} is there already" in told(run, "--field", "x", *words)[1]
+        assert f"{file} exists already" in told(run, "--field", "x", *words)[1]
         assert (run / file).read_text() == f"{run} None"

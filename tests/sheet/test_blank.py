@@ -255,7 +255,7 @@ def test_directions_just_allowed_and_just_refused(options):
     kite(**options[0])
     with pytest.raises(ff.InputError, match="fibre direction"):
         kite(**options[1])
-    with pytest.raises(ff.InputError, match="`ny` 4500: 1.62e8 cells, .* some 1940 GB"):
+    with pytest.raises(ff.InputError, match="`ny` 4500: 1.62e8 cells, .* about 1940 GB"):
         ff.Blank.rectangle(2, 1, nx=9000)
     for angle in (-360, 360):
         ff.Blank.rectangle(2, 1, nx=1, fibre_angle=angle)
@@ -290,7 +290,7 @@ def test_a_sheet_is_moved_by_the_middle_of_its_extent():
     points = np.array([[0, 0, 1], [1, 0, 1], [10, 4, 1 + 0.9e-5]])
     moved, (told,) = moved_sheet(points, "s.msh", True, 5.0)
     assert moved == pytest.approx(np.array([[-5, -2, 5], [-4, -2, 5], [5, 2, 5.0]]))
-    assert "lies in z = 1 mm and was put in z = 5" in told
+    assert "lies in z = 1 mm and was moved to z = 5" in told
     with pytest.raises(ff.InputError, match="expected a flat sheet"):
         moved_sheet(points + 2e-6 * np.eye(3)[[0, 0, 2]], "s.msh", False, 5.0)
     for off, doubts in ((0.9e-5, 0), (1.1e-5, 1)):

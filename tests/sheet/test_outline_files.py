@@ -77,7 +77,7 @@ def test_layers_of_a_drawing(drawing):
         space.add_circle((50, 40), 10, dxfattribs={"layer": "HOLE"})
         space.add_line((0, -5), (10, -5), dxfattribs={"layer": "NOTE"})
 
-    with pytest.raises(InputError, match=r"is open .* of its layers CUT, HOLE, NOTE some may be"):
+    with pytest.raises(InputError, match=r"is open .* of its layers CUT, HOLE, NOTE use `layer`"):
         drawing(draw)
     assert drawing(draw, layer="cut")[0].area == pytest.approx(8000)
     assert len(drawing(draw, layer="CUT, HOLE")[0].interiors) == 1

@@ -170,7 +170,7 @@ def test_errors_reach_all_ranks(table):
     with pytest.raises(ff.InputError, match="bounds no sheet: self-intersect"):
         ff.Blank.outline(crossed)
     for wrong in ({"element": "Q1"}, {"pattern": "crossed"}):
-        with pytest.raises(ff.InputError, match=f"`{[*wrong][0]}` is .*; allowed for an outline"):
+        with pytest.raises(ff.InputError, match=f"`{[*wrong][0]}` is .*; expected .* for an out"):
             ff.Blank.outline(table, **wrong)
 
 

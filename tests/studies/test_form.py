@@ -76,7 +76,7 @@ def test_the_disturbed_press_is_whole_and_its_punch_aside():
 
 def test_a_mesh_from_a_file_gets_no_finer_cells(tmp_path):
     sheet = ff.Sheet(ff.load("komeili"), mesh=str(tmp_path / "ply.msh"))
-    with pytest.raises(ff.InputError, match="ply.msh can't be made finer; expected a rectangle"):
+    with pytest.raises(ff.InputError, match="ply.msh cannot be refined; expected a rectangle"):
         sheet.finer(2.0)
     outline = ff.Sheet(ff.load("komeili"), outline="ply.dxf", size=9.0)
     assert outline.finer(3.0).size == 3.0

@@ -99,7 +99,7 @@ def test_a_folder_in_use_is_refused(launch, option):
     with lock_folder(done.folder) if COMM.rank == 0 else nullcontext():
         again = launch("tensile", *OPTIONS, option, overwrite=False)
         assert again.status == 2 and again.err.count("error: --out ") == 1, again.err
-        assert "is in use by another run; allowed" in again.err
+        assert "is in use by another run; expected" in again.err
         assert everything(done.folder) == before
 
 
@@ -124,7 +124,7 @@ def test_ends_after_its_step_if_asked_and_goes_on(launch, tmp_path, whole, hang)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=hang)
     assert process.returncode == 3
-    told = r"stopped by SIGINT at load factor [\d.]+; --resume goes on from there"
+    told = r"stopped by SIGINT at load factor [\d.]+; --resume continues from there"
     assert re.fullmatch(rf"studies/tensile.py: {told}\n", err)
     assert 5 <= rows_written(tmp_path / "out") < 61
     assert launch("tensile", *OPTIONS, "--resume").status == 0

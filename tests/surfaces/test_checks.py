@@ -117,8 +117,8 @@ def test_the_least_radius_takes_more_than_a_hundredth_of_the_turning(monkeypatch
 def test_a_tool_that_the_sheet_is_in_at_the_start(surface, deep, place):
     x, y = np.meshgrid(np.arange(7.0), np.arange(9.0))
     places = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel() - 1e-16])
-    words = f"ball is {deep} mm deep in the sheet's face at {place} before the first step; allowed "
-    with pytest.raises(InputError, match=re.escape(words) + "is up to 0.2 mm, .*: begin its path"):
+    words = f"ball penetrates the sheet by {deep} mm at {place} before the first step; expected "
+    with pytest.raises(InputError, match=re.escape(words) + "up to 0.2 mm, .*: start its path"):
         checks.check_start(Tool(surface, name="ball"), places, 0.4, MPI.COMM_SELF)
     lowered = Tool(surface, lambda load: (0, 0, 0.2 - deep), name="ball")  # up to its middle
     checks.check_start(lowered, places, 0.4, MPI.COMM_SELF)

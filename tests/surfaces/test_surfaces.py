@@ -249,7 +249,7 @@ def test_a_drawn_block_lies_on_itself_with_its_normals(surface):
 
 def test_bad_parameters():
     for make, words in (
-        (lambda: ff.DoubleDome(wall_angle=50), "wall_angle is 50 and top_radius 40; allowed are"),
+        (lambda: ff.DoubleDome(wall_angle=50), "wall_angle is 50 and top_radius 40; expected"),
         (lambda: ff.Offset(ff.Sphere(10), -10), "distance of the offset of surface Sphere is -10"),
         (lambda: ff.Tool(ff.Sphere(1), lambda load: load, name="a"), "path of a at load 0 is 0.0;"),
     ):

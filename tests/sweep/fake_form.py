@@ -39,7 +39,7 @@ reached = 0.5 if stopped or pressure > 1 else 1.0
 reason = stopped[0] if stopped else "no step is small enough" if pressure > 1 else "full load"
 rows = [f"{load},{10 * load},{1000 * pressure * load}" for load in (0.0, 0.5, 1.0)]
 (given.out / "history.csv").write_text("load,displacement_mm,reaction_N\n" + "\n".join(rows))
-doubts = [{"verdict": "doubtful", "text": "wrinkles are rough", "of": "wrinkles"}]
+doubts = [{"verdict": "doubtful", "text": "wrinkles are inaccurate", "of": "wrinkles"}]
 doubts *= 0.39 < pressure <= 1
 shortening = 0.02 * pressure**-0.5 + values.get("tools.punch.friction", 0.2) * pressure**2 - 0.04
 summary = {

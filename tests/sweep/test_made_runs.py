@@ -98,7 +98,7 @@ def test_where_a_quantity_is_below_a_limit(line, p, q, limit, told):
     words = below(line(p, q), "q", limit)
     assert words.startswith(f"q below {limit}: {told}")
     is_both = {*np.sign(np.diff(np.array(q)[np.argsort(p)]))} >= {-1, 1}
-    assert ("it neither falls nor rises throughout" in words) == is_both
+    assert ("it is not monotonic" in words) == is_both
 
 
 def test_runs_without_a_value_are_left_out_with_the_reason(line):
@@ -107,9 +107,9 @@ def test_runs_without_a_value_are_left_out_with_the_reason(line):
     runs += line((4,), (0,), verdict="invalid")
     assert below(runs, "q", 3).split("; ")[:4] == [
         "q below 3: from p = 2 on (between runs, interpolated)",
-        "left out, as doubted, see the table: p = 2",
-        "left out, as not valid: p = 4",
-        "left out, as without a value: p = 5",
+        "left out (doubtful, see the table): p = 2",
+        "left out (not valid): p = 4",
+        "left out (without a value): p = 5",
     ]
     assert "no run is valid and has a value; left" in below(runs[2:], "q", 3)
 
@@ -212,5 +212,5 @@ def test_the_press_of_a_run_has_its_values_and_options(press):
     form = SweepRun(Path(press), ["--nx", "8", "--fibre-angle=45", "--no-pictures"])
     (sheet,) = form.read({"blank.width": "150"}).sheets
     assert (sheet.nx, sheet.fibre_angle, sheet.width) == (8, 45, 150)
-    with pytest.raises(InputError, match="width is 0; allowed is"):
+    with pytest.raises(InputError, match="width is 0; expected"):
         form.read({"blank.width": "0"})

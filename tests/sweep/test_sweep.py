@@ -105,10 +105,10 @@ def test_bad_input_of_a_run_ends_the_sweep_with_its_sentence(run):
 
 BAD_WORDS = """
 --vary ring.pressure=1,0 | ring.pressure is 0; expected another number
---scatter 8 --vary a=1..2 --vary b=1..2 --vary c=1..2 | allowed for 4 numbers is 16 or more
---vary a=1 -- --out x | option --out is behind --; expected options
+--scatter 8 --vary a=1..2 --vary b=1..2 --vary c=1..2 | expected 16 or more for 4 numbers
+--vary a=1 -- --out x | option --out is after --; expected options
 --vary a=1,2 --only 3 | --only is 3; expected 1 to 2
---vary a=1 --slurm press.toml | --slurm press.toml is there already
+--vary a=1 --slurm press.toml | --slurm press.toml exists already
 """
 
 
@@ -130,7 +130,7 @@ def test_a_folder_of_another_sweep_or_press_is_refused_or_lost(run):
     for file in ("punch.stl", "press.toml"):
         Path(file).write_text(Path(file).read_text() + "\n")
         status, _, err = run(*pressures("0.2"))
-        assert status == 2 and f"another press ({file} has changed since); allowed is" in err
+        assert status == 2 and f"another press ({file} has changed since); expected" in err
         assert run(*pressures("0.2"), "--overwrite")[0] == 0
         assert [row["run"] for row in table()] == [*starts()] == ["pressure=0.2"]
     assert Path("out/pressure=0.1/notes.txt").read_text() == "mine"
@@ -152,7 +152,7 @@ def test_a_signal_ends_all_runs_which_then_go_on(run):
     process.send_signal(signal.SIGTERM)
     _, err = process.communicate(timeout=30)
     assert process.returncode == 3
-    assert "fabric sweep: stopped by SIGTERM; the same command goes on" in err
+    assert "fabric sweep: stopped by SIGTERM; the same command continues" in err
     assert run(*pressures("0.1,0.2,0.3"))[0] == 0
     twice = ["begin", "resume"]
     assert starts() == {"pressure=0.1": twice, "pressure=0.2": twice, "pressure=0.3": ["begin"]}
@@ -175,7 +175,7 @@ def test_a_limit_is_looked_for_between_runs(run):
     assert [*starts()] == ["pressure=0.05"]
     _, out, _ = run(*vary, "--below", below)
     assert "from pressure = 0.1288 on" in out and "1 done before" in out
-    assert "--below is given for a=x; allowed" in run("--vary", "a=x", "--below", below)[2]
+    assert "--below is given for a=x; expected" in run("--vary", "a=x", "--below", below)[2]
 
 
 def test_scatter_tells_of_runs_that_are_believed(run):
@@ -206,7 +206,7 @@ def test_a_job_array_does_the_runs_and_the_same_command_their_table(run):
 
 def test_pictures_and_a_page_with_doubts_and_links(run):
     words = "--pictures", *pressures("0.01,0.1,0.4,2"), "--below", "wrinkles.count=1"
-    assert "left out, as doubted, see the table: pressure = 0.4" in run(*words)[1]
+    assert "left out (doubtful, see the table): pressure = 0.4" in run(*words)[1]
     page = Path("out/report.html").read_text()
     assert Path("out/curves.png").exists() and Path("out/trends.png").exists()
     assert page.count("data:image/png") == 2 and not Path("out/maps.png").exists()

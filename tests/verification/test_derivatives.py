@@ -45,7 +45,7 @@ def soft(g):
     [
         (soft, 1.0, "derivatives agree"),
         (soft, 1.5, "law soft: tau and differences of energies differ by 0.33 of the largest at"),
-        (lambda g: soft(g) + 0.006 * g, 1.0, "the stress tau of law soft is 0.006 MPa in fabric"),
+        (lambda g: soft(g) + 0.006 * g, 1.0, "the stress tau of law soft is 0.006 MPa without"),
         (lambda g: soft(g) - 0.1 * g**4, 1.0, "energy at rest and its minimum differ by 1 of"),
         (lambda g: soft(g) + 1e-4 * (log(1 - 2 * g) + 2 * g), 1.0, "energies are not numbers at"),
     ],
@@ -161,7 +161,7 @@ class Hardening(Springs):
         ({"force": 1.2}, "springs: forces and differences of energies differ by 0.17 of"),
         ({"stiffness": 1 - 1.2e-4}, "tangent and differences of forces differ by 0.00012 of"),
         ({"stiffness": 1 - 0.8e-4}, "derivatives agree"),
-        ({"sign": -1}, "N mm: below 0 it drives the sheet"),
+        ({"sign": -1}, "N mm: a negative energy drives the sheet"),
     ],
 )
 def test_terms(wrong, words):

@@ -62,7 +62,7 @@ def test_a_file_is_read_as_it_was_written(tmp_path, text):
 MACHINE = KEYS + HEAD
 REFUSED = {
     "1,5;1.234\n3;2.5\n": "row 5: F is '1.234', row 6: F is '2.5'; expected a finite number",
-    "2;1,200\n3;2,100\n": "row 5: F is '1,200', which may mean 1.200 or 1200; allowed is",
+    "2;1,200\n3;2,100\n": "row 5: F is '1,200', which may mean 1.200 or 1200; expected",
     "1,5;1.058,5\n": "row 5: F is '1.058,5'; expected a finite number, as 1058,5",
     "mm;kN\n" + COMMA: "row 5: the unit of F is kN, and N in the header",
     POINT.replace(";", " mm;"): "row 5: displacement is '2.500 mm', row 6: displ",
@@ -72,9 +72,9 @@ REFUSED = {
 UNREADABLE = {
     b"": "bias.csv: cannot be read as text (it is empty",
     b"PK\x03\x04": "it is a workbook; save its sheet as CSV",
-    (MACHINE + COMMA).encode("utf-16-le"): "no text in UTF-8); expected CSV in UTF-8, or in UTF",
+    (MACHINE + COMMA).encode("utf-16-le"): "not text in UTF-8); expected CSV in UTF-8, or in UTF",
     (KEYS + "Traverse [mm];Kanal 1 [N]\n" + COMMA).encode(): "row 4: columns 'Traverse', 'Kanal 1' "
-    "are unknown; allowed are",
+    "are unknown; expected",
 }
 UNREADABLE |= {(MACHINE + rows).encode(): words for rows, words in REFUSED.items()}
 
@@ -120,7 +120,7 @@ def test_of_a_loop_the_first_loading_branch_is_fitted(tmp_path):
     text = KEYS + HEAD + "".join(f"{x};{f}\n" for x, f in up + [(5, 2), (0, 0)] + up)
     curve = read(tmp_path, text.encode())
     assert curve.responses[0].values.tolist() == [1, 2, 3, 4, 5]
-    words = "displacement turns back behind row 9: of the loop the loading branch is fitted"
+    words = "displacement reverses after row 9: of the loop the loading branch is fitted"
     assert curve.remarks == (words + ", rows 5 to 9",)
 
 
@@ -149,9 +149,9 @@ def test_angles_by_the_displacement_are_doubted_from_30_deg_on(tmp_path, degrees
 @pytest.mark.parametrize(
     "old, new, words, left",
     [
-        ("0.500", "-0.010", "row 3 left out, as gamma is by noise beyond 0 there", 49),
-        ("12.000", "11.500", "gamma does not move on in row 26; read as scatter", 50),
-        ("12.000", "11.400", "in row 26; read as scatter", 50),
+        ("0.500", "-0.010", "row 3 left out, because noise puts gamma beyond 0 there", 49),
+        ("12.000", "11.500", "gamma does not increase in row 26; treated as scatter", 50),
+        ("12.000", "11.400", "in row 26; treated as scatter", 50),
         ("0.500", "0.000", "", 50),
     ],
 )
@@ -184,7 +184,7 @@ def test_strain_and_force_count_from_a_stated_slack_and_zero(tmp_path):
     x = np.linspace(0.2, 5, 25).round(1)
     pulled = strip(x, 500 * x - 40, "# slack = 0,1 cm\n# zero -40 N\n# speed: 5 mm/min\n")
     (curve,) = data.read(folder(tmp_path, strip=pulled))[1]
-    assert curve.remarks == ("the line 'speed' is not read",)
+    assert curve.remarks == ("the line 'speed' is ignored",)
     assert curve.strains[[0, -1], 0] == pytest.approx([0.001, 0.02])
     assert curve.rows[0] == 14
     assert curve.responses[0].values[-1] == pytest.approx(2500 / 50 / 1.2)

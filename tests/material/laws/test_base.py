@@ -127,10 +127,10 @@ def test_a_coupling_that_a_law_cannot_switch_off(name):
 @pytest.mark.parametrize(
     "energy, words",
     [
-        (lambda a, b, g: (exp(a * a), b**2, g**2), "the energy of law own is 1 MPa in fabric as"),
+        (lambda a, b, g: (exp(a * a), b**2, g**2), "the energy of law own is 1 MPa without strain"),
         (lambda a, b, g: (1e3 * a**2, b**2, 0.01 * g**2 + 2.2e-7 * g), "stress tau of law own is"),
-        (lambda a, b, g: (sqrt(a * a), b**2, g**2), "stress sigma_a of law own is nan MPa in fab"),
-        (lambda a, b, g: (1e3 * a * a, b * b, -1e-3 * g**2), "along gamma is -0.002 MPa in fab"),
+        (lambda a, b, g: (sqrt(a * a), b**2, g**2), "stress sigma_a of law own is nan MPa with"),
+        (lambda a, b, g: (1e3 * a * a, b * b, -1e-3 * g**2), "along gamma is -0.002 MPa with"),
     ],
 )
 def test_a_fabric_is_at_rest_without_strain(energy, words):

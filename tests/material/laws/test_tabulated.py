@@ -41,7 +41,7 @@ def test_tables_of_tension_alone_and_of_stresses_that_fall():
     pulled = Curve(TABLE.weft.x[1:], TABLE.weft.y[1:])
     lacks, falls = TABLE.replace(shear=falling, weft=pulled).plausibility_warnings()
     assert "the table of weft of material table begins at 0: yarns have no stiffness" in lacks
-    assert "the table of shear of material table falls from 28.65 deg on" in falls
+    assert "the table of shear of material table decreases from 28.65 deg on" in falls
 
 
 @pytest.mark.parametrize(
@@ -86,10 +86,10 @@ def test_tables_from_files(tmp_path, how, stress):
 @pytest.mark.parametrize(
     "more, warp, words",
     [
-        ("", WARP + "1.5, 40\n", r"warp.csv.* row 6 is \(0.015, 40\); expected rising strains"),
+        ("", WARP + "1.5, 40\n", r"warp.csv.* row 6 is \(0.015, 40\); expected increasing strains"),
         ("", WARP + "".join(f"{e}, {e}\n" for e in range(31, 68)), "41 points; expected up"),
         ("", "eps [%], sigma [MPa]\n0, 1\n1, 2\n2, 3\n", r"warp.csv.*\(0, 0\)"),
-        ("", WARP + "3, -1\n", r"row 6 is \(0.03, -1\); allowed"),
+        ("", WARP + "3, -1\n", r"row 6 is \(0.03, -1\); expected"),
         ("warp = 3\n", WARP, "m.toml: warp is 3; expected the name of a CSV file"),
         ('extrapolation = ["linear"]\n', WARP, r"extrapolation is \['linear'\]; expected const"),
         ("at = 3\n", WARP, r"m.toml: at is \[3\]; expected a table \[\[at\]\] for each"),
