@@ -15,7 +15,7 @@ from ..material import kernel, stability
 from ..material.energy import Energy
 from ..material.friction import Response, ShearFriction
 from ..material.laws import Law
-from ..material.strains import SHORTENED, nominal_strain, share_name, shear_angle
+from ..material.strains import SHORTENED, nominal_strain, share_name
 from ..sheet.part import Part
 from . import membrane_energy
 from .membrane_energy import Yarns
@@ -113,7 +113,8 @@ class FabricStates(Term):
 
     @cached_property
     def _points(self):
-        """F by columns, the cosine between the yarns, and S by the energy and as in the forces."""
+        """F by columns, cosine between the yarns, S by the energy and as in the forces, I4, I6, I8
+        and gamma."""
         law, _, (fa, fb), cosine, rest = self._ufl
         sine = ufl.sqrt(1 - cosine**2)
         f1, f2 = fa, (fb - cosine * fa) / sine
@@ -127,23 +128,28 @@ class FabricStates(Term):
         in_forces = 2 * (W4 * ufl.outer(a, a) + W8 * ufl.outer(b, b))
         in_forces += W6 * (ufl.outer(a, b) + ufl.outer(b, a))
         S = [S[place] for S in (by_energy, in_forces) for place in ((0, 0), (1, 1), (0, 1))]
-        values = ufl.as_vector([*f1, *f2, cosine, *S])
+        I = membrane_energy.invariants(fa, fb)
+        gamma = membrane_energy.strains(*I, rest)[2]
+        values = ufl.as_vector([*f1, *f2, cosine, *S, *I, gamma])
         return compat.PointEvaluation(
             values, self.blank.mesh, self.degree, self.part.cells, self._distance
         )
+
+    def _values(self):
+        """`_points` of the present displacements."""
+        u = self.blank.u.x.array
+        if self._evaluated is None or not np.array_equal(u, self._evaluated[0]):
+            self._evaluated = u.copy(), self._points()
+        return self._evaluated[1]
 
     def at_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F (cells, points, 3, 2) on the basis (a0, perpendicular), b0 (cells, points, 2) there and
         UFL's S as 11, 22, 12 (cells, points, 2, 3) [MPa] at all quadrature points, by the energy
         and as in the forces."""
-        u = self.blank.u.x.array
-        if self._evaluated is None or not np.array_equal(u, self._evaluated[0]):
-            self._evaluated = u.copy(), self._points()
-        values = self._evaluated[1]
-        gdim = self.blank.mesh.geometry.dim
+        values, gdim = self._values(), self.blank.mesh.geometry.dim
         F = np.zeros((*values.shape[:2], 3, 2))
         F[:, :, :gdim, 0], F[:, :, :gdim, 1] = values[:, :, :gdim], values[:, :, gdim : 2 * gdim]
-        cosine, S = values[:, :, 2 * gdim], values[:, :, 2 * gdim + 1 :]
+        cosine, S = values[:, :, 2 * gdim], values[:, :, 2 * gdim + 1 : -4]
         return F, np.stack([cosine, np.sqrt(1 - cosine**2)], -1), S.reshape(*S.shape[:2], 2, 3)
 
     def state(self) -> tuple[kernel.State, np.ndarray, np.ndarray, float]:
@@ -220,14 +226,7 @@ class FabricStates(Term):
 
     def invariants_at_points(self) -> np.ndarray:
         """I4, I6, I8 and shear angle (cells, points, 4), at a third of the cost of `state`."""
-        F, b, _ = self.at_points()
-        fa, fb = F[..., 0], F[..., 0] * b[..., :1] + F[..., 1] * b[..., 1:]
-        I4, I6, I8 = (np.einsum("cqi,cqi->cq", x, y) for x, y in ((fa, fa), (fa, fb), (fb, fb)))
-        weave, cosine, sine = self.weave_angle, b[..., 0], b[..., 1]
-        if weave is not None:
-            cosine, sine = np.cos(weave), np.sin(weave)
-        gamma = shear_angle(I6, np.sqrt(I4 * I8 - I6 * I6), cosine, sine)
-        return np.stack([I4, I6, I8, gamma], -1)
+        return self._values()[..., -4:]
 
     def history(self) -> dict[str, Value]:
         """`min_stability`, the least ellipticity indicator of all points, negative where the law

@@ -81,9 +81,8 @@ def evaluate(
     cosine = (a1 * (C11 * b1 + C12 * b2) + a2 * (C12 * b1 + C22 * b2)) / (la * lb)
     flat = np.abs(a1 * b2 - a2 * b1)  # the sine before
     sine = J * flat / (la * lb)
-    if weave_angle is None:
-        start = np.arctan2(flat, a1 * b1 + a2 * b2)
-    else:
+    start = np.arctan2(flat, a1 * b1 + a2 * b2)
+    if weave_angle is not None:
         start = check_weave_angle(weave_angle)
     gamma = start - np.arctan2(sine, cosine)
 
@@ -93,10 +92,11 @@ def evaluate(
     slid = None
     if sliding is not None:
         W, slid = _with_friction(fabric, W, gamma, sliding)
+    a, b = a0 / la, b0 / lb
+    aa, bb, ab = (np.einsum("in,jn->ijn", *pair) for pair in ((a, a), (b, b), (a, b)))
     # of lambda_a, lambda_b, gamma in E; eq. (12)
-    aa, bb, ab = _product(a0 / la, a0 / la), _product(b0 / lb, b0 / lb), _product(a0 / la, b0 / lb)
-    slopes = np.array([la * aa, lb * bb, (2 * ab - cosine * (aa + bb)) / sine])
-    S = np.einsum("in,ivn->nv", W.first, slopes)[:, [[0, 2], [2, 1]]]
+    slopes = np.array([la * aa, lb * bb, (ab + ab.swapaxes(0, 1) - cosine * (aa + bb)) / sine])
+    S = np.einsum("kn,kijn->nij", W.first, slopes)
     push = measure
     if cauchy_green is not None:  # U of C in closed form (Cayley-Hamilton)
         push = (C + J[:, None, None] * np.eye(2)) / np.sqrt(C11 + C22 + 2 * J)[:, None, None]
@@ -112,19 +112,14 @@ def evaluate(
     )
 
 
-def _product(u, v):
-    """Symmetric product of two vectors (2, n) as 11, 22, 12."""
-    return np.array([u[0] * v[0], u[1] * v[1], (u[0] * v[1] + u[1] * v[0]) / 2])
-
-
 def _tangent(W, slopes, la, lb, cotangent):
     """dS/dE (n, 3, 3), by the second derivatives of W and those of the strains in E."""
     Wa, Wb, Wg = W.first
     turn = cotangent * Wg
     aa, ab, bb = turn / la**2 - Wa / la, -turn / (la * lb), turn / lb**2 - Wb / lb
     second = W.second + [aa, ab, bb, -Wg / la, -Wg / lb, turn]
-    square = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])
-    return np.einsum("ijn,ipn,jqn->npq", second[square], slopes, slopes)
+    square, voigt = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]]), slopes[:, [0, 1, 0], [0, 1, 1]]
+    return np.einsum("ijn,ipn,jqn->npq", second[square], voigt, voigt)
 
 
 def _with_friction(fabric, W, gamma, sliding):
