@@ -1,7 +1,7 @@
 """A strip pulled at 45 degrees to its yarns: the bias extension test.
 
-Three zones of shear appear, as the theory of yarns that do not stretch says.
-Prints the shear angle at the centre and the one of that theory [deg].
+Three zones of shear appear, in agreement with the theory of inextensible yarns.
+Prints the shear angle at the centre and that of this theory [deg].
 """
 
 import fabric_fenicsx as ff

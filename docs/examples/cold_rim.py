@@ -1,7 +1,7 @@
-"""A ply whose rim is cold as it is formed: it shears less easily there than in its warm middle.
+"""Forming of a ply with a cold edge, which is stiffer in shear than its warm middle.
 
-Prints of a warm ply and of one with a cold rim the force of the punch [N], the largest shear angle
-[deg] and the draw-in [mm].
+Prints the punch force [N], the maximum shear angle [deg] and the draw-in [mm] of a warm ply and of
+one with a cold edge.
 """
 
 import dataclasses
@@ -10,7 +10,7 @@ import numpy as np
 
 import fabric_fenicsx as ff
 
-# stresses of shear at 20 and 200 deg C, over those of the file
+# factors on the shear stresses at 20 and 200 deg C
 stiffer = {20.0: {"shear_factor": 8.0}, 200.0: {"shear_factor": 1.0}}
 fabric = ff.load("komeili").replace(at_temperatures=stiffer)
 

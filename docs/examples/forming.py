@@ -1,4 +1,4 @@
-"""A ply pressed 20 mm deep over the double dome, a quarter of it, on a coarse mesh.
+"""A quarter of a ply, formed 20 mm deep over the double dome, on a coarse mesh.
 
 Prints the punch force of the quarter [N], the largest shear angle [deg] and the draw-in [mm].
 """

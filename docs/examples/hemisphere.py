@@ -1,4 +1,4 @@
-"""A ply at 0/90 pressed over a hemisphere, against the exact net of yarns that do not stretch.
+"""A ply at 0/90 pressed over a hemisphere, compared with the exact net of inextensible yarns.
 
 Arguments, if any: rectangles along the quarter (10), friction (0.02). Prints, for cells up to 95 %
 of the radius on the flat ply, their number, the largest exact shear angle, and the differences from
@@ -8,7 +8,7 @@ the exact one: root mean square and largest [deg].
 import sys
 
 import numpy as np
-from nets import spherical_net  # beside this file
+from nets import spherical_net  # next to this file
 
 import fabric_fenicsx as ff
 

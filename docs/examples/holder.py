@@ -1,4 +1,4 @@
-"""A ply that a holder presses on a plate with a round opening, and a ball that pushes it through.
+"""A holder presses a ply on a plate with a round opening, and a ball pushes the ply through it.
 
 A quarter is modelled. Prints the forces of the ball and of the holder on the whole ply [N], the
 largest shear angle [deg] and the draw-in [mm].

@@ -1,7 +1,7 @@
 """Bias tests of glass/PP of Cao et al. (2008): the law is fitted to a specimen of 150 x 450 mm,
 and one of 115 x 230 mm is predicted.
 
-Prints for both the displacement [mm], the measured force [N], and the simulated over the measured.
+Prints for both the displacement [mm], the measured force [N], and simulated / measured force.
 """
 
 from importlib.resources import files

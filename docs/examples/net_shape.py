@@ -1,6 +1,6 @@
-"""The net shape of a part: its trim line as a flat pattern, and the blank of it formed in turn.
+"""The net shape of a part: its trim line as a flat pattern, and forming of the net blank.
 
-Prints how far the edge of the formed net blank is from the trim line, at most and in the mean [mm].
+Prints the maximum and mean distance of the edge of the formed net blank from the trim line [mm].
 """
 
 import dataclasses

@@ -1,5 +1,5 @@
-"""A ply formed with three blank holders: one over all of the rim, one of two segments, and an own
-one whose pressure grows along the ply.
+"""A ply formed with three blank holders: one over the whole edge, one of two segments, and
+one of your own whose pressure increases along the ply.
 
 Prints for each the force of the punch on the whole ply [N] and the draw-in [mm].
 """

@@ -1,6 +1,6 @@
 """A law of your own: yarns that are linear in tension, and shear that stiffens.
 
-Prints the reaction of a bias test with it [N], after its derivatives were checked.
+Checks its derivatives, and prints the reaction of a bias test with it [N].
 """
 
 from dataclasses import dataclass

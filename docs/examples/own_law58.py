@@ -19,7 +19,7 @@ class Law58(ff.Law):
     E_b: float
     B_a: float
     B_b: float
-    flex: float  # stiffness in compression over E
+    flex: float  # stiffness in compression relative to E
     G_0: float
     G_T: float  # shear stiffness from gamma_T on
     gamma_T: float

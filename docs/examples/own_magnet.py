@@ -1,4 +1,4 @@
-"""A magnet pulls a strip, a load that is no form. Prints its work and the strain energy [N mm]."""
+"""A magnet pulls a strip: a load without UFL form. Prints its work and the strain energy [N mm]."""
 
 import fabric_fenicsx as ff
 

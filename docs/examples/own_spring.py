@@ -1,4 +1,4 @@
-"""A term that is no form: springs at nodes hold one end of a strip, a grip pulls the other.
+"""A term that is not a UFL form: springs at nodes hold one end of a strip, a grip pulls the other.
 
 Prints the reaction of the grip [N] and the energy of the springs [N mm].
 """

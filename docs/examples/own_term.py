@@ -1,7 +1,7 @@
 """A term of your own: an elastic bedding under the sheet.
 
-It appears in history.csv and in the energy balance by being in the scene.
-Prints the energy of the bedding and of the strip, and the bedding's largest traction [N mm, MPa].
+As part of the scene it also appears in history.csv and in the energy balance.
+Prints the energies of bedding and strip, and the maximum traction of the bedding [N mm, MPa].
 """
 
 import numpy as np

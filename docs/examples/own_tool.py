@@ -1,4 +1,4 @@
-"""A tool of your own: an egg, known by its equation, pushed into a clamped strip.
+"""A tool of your own: an egg, defined by its equation, pushed into a clamped strip.
 
 Prints the force of the egg [N].
 """
@@ -12,7 +12,7 @@ class Egg(ff.ImplicitSurface):
     """(x/a)^2 + (y/b)^2 + (z/c)^2 = 1 with half axes a, b, c [mm]."""
 
     axes = np.array([40.0, 20.0, 20.0])
-    radii = (10.0, np.inf)  # the least radius of curvature, c^2 / a, seen from inside; no hollows
+    radii = (10.0, np.inf)  # smallest convex radius of curvature, c^2 / a; not concave anywhere
 
     def implicit(self, x):
         """F, its gradient and its Hessian at x (3, n)."""
@@ -21,7 +21,7 @@ class Egg(ff.ImplicitSurface):
         return (weights * x * x).sum(0) / 2 - 1, weights * x, hessian
 
     def bound(self, F, x):
-        """A length that the distance surely is not below."""
+        """A lower bound of the distance."""
         return abs(np.sqrt(np.maximum(F + 1, 0)) - 1) * self.axes.min()
 
 

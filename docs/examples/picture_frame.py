@@ -1,4 +1,4 @@
-"""A square sheared in a hinged frame, with yarns that are stretched first.
+"""A square sheared in a hinged frame, with pre-tensioned yarns.
 
 Prints the normalised shear force at 45 deg, of the elements and in closed form [N/mm].
 """

@@ -1,6 +1,6 @@
-"""Bias tests that others publish, 70 x 210 mm: Comfor's example and the one of a torch-fem fork.
+"""Published bias tests, 70 x 210 mm: the examples of Comfor and of a torch-fem fork.
 
-An argument is the stroke [mm], 50 if there is none. Prints for both laws the shear angle near the
+The optional argument is the stroke [mm] (50). Prints for both laws the shear angle near the
 middle [deg] here, of the net of least energy and of the usual formula; and the force [N] of both.
 """
 
@@ -8,7 +8,7 @@ import sys
 from dataclasses import dataclass
 
 import numpy as np
-from nets.relaxed_net import relaxed_net  # beside this file
+from nets.relaxed_net import relaxed_net  # next to this file
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.core.rules import above_zero

@@ -1,7 +1,7 @@
 """A strip pulled along its yarns, with and without the biaxial coupling.
 
-With the coupling the strip necks. Without it the width stays.
-Prints the reaction [N] and the logarithmic strain across at the middle, for both.
+With the coupling the strip necks. Without it the width does not change.
+Prints the reaction [N] and the transverse logarithmic strain at the middle, for both.
 """
 
 import fabric_fenicsx as ff

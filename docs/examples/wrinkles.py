@@ -1,7 +1,7 @@
-"""A sheet, pulled along x, that wrinkles as its ends become narrower: as Cerda and Mahadevan say?
+"""Wrinkles of a sheet pulled along x with narrowed ends, compared with Cerda and Mahadevan.
 
-Prints, for several tensions T [N/mm], how many half waves lie across the sheet, and how many waves
-of their length 2 sqrt(pi L) (B / T)^(1/4) would, with the length L and the bending stiffness B.
+Prints, for several tensions T [N/mm], the number of half waves across the sheet, and that for their
+wavelength 2 sqrt(pi L) (B / T)^(1/4), with the length L and the bending stiffness B.
 """
 
 import math
@@ -13,7 +13,7 @@ import fabric_fenicsx as ff
 
 L, W, H, B = 100.0, 152.0, 0.2, 4 / 3  # length, width, thickness [mm], bending stiffness [N mm]
 film = ff.WovenFabric(*2 * [ff.Yarn(b=2e4, d=2e3)], s1=0.5, thickness=H)
-edges = [lambda x: x[1] < 1e-6, lambda x: x[1] > W - 1e-6]  # as if it went on beyond
+edges = [lambda x: x[1] < 1e-6, lambda x: x[1] > W - 1e-6]  # as if it continued beyond
 for tension in (1.0, 4.0, 16.0):
     critical = 2 * math.sqrt(B * tension) * math.pi / L  # compression [N/mm]; the energy is b eps^2
     strains = np.array([tension / film.warp.b, -1.3 * critical / film.weft.d]) / 2 / H
