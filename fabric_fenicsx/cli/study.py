@@ -1,6 +1,5 @@
 """Parts that all study scripts share: options, a test of them, its run, and the exit status."""
 
-import json
 import logging
 import os
 import signal
@@ -25,7 +24,6 @@ from ..job.setup import Setup
 from ..material.laws import COUPLINGS, Law
 from ..material.presets import PRESETS, load, read_laws
 from ..results.output import Output
-from ..results.verdict import in_a_line
 from ..solve.limits import Limits
 from ..solve.settings import Settings
 from . import options as command_line
@@ -217,13 +215,6 @@ class Study:
         defining = {k: v for k, v in options if k not in self._free}
         return {"study": self.output.name, **defining, "material": setup.data.fabric.dumps()}
 
-    def say_verdict(self) -> None:
-        """Say the verdict of the folder's own summary."""
-        file = self.output.path / "summary.json"
-        if self.comm.rank == 0 and file.is_file():
-            summary = json.loads(file.read_text())
-            self.say(in_a_line(summary))
-
     def write_report(self, description: str, ending: str) -> None:
         """Write report.html with the title and text of the test, else this description."""
         self.output.report(self._setup.text or description, ending, self._setup.title)
@@ -242,7 +233,6 @@ def run(name: str, options: Parser, main: Callable[[Any], None], kind: type[Stud
         with shown(first=speaks), task(program(name)):
             study = kind(name, options)
             main(study)
-            study.say_verdict()
             study.write_report(description, "done")
         return
     except (InputError, SolverFailure, Interrupted, OSError) as error:

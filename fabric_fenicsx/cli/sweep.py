@@ -161,7 +161,7 @@ def _write_job_array(file, words, count, ranks):
     """Write a script for Slurm, a task a run of the `count` that `fabric sweep` with these words
     does, to start in the present folder. InputError for a file that is there."""
     if file.exists():
-        raise InputError(f"--slurm {file} exists already; choose another file")
+        raise InputError(f"--slurm {file} exists already; use another file")
     cut = words.index("--") if "--" in words else len(words)
     own = [word for word in words[:cut] if word != "--overwrite"]
     start = shlex.join([sys.executable, "-m", "fabric_fenicsx", "sweep", *own])

@@ -63,7 +63,7 @@ def check_new(*files: Path, overwrite: bool) -> None:
     for file in files:
         if file.exists() and not overwrite:
             allowed = "another file, or --overwrite to replace it"
-            raise InputError(f"{file} exists already; expected {allowed}")
+            raise InputError(f"{file} exists already; use {allowed}")
 
 
 def lock_folder(folder: Path) -> IO | None:

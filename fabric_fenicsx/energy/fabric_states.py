@@ -15,7 +15,7 @@ from ..material import kernel, stability
 from ..material.energy import Energy
 from ..material.friction import Response, ShearFriction
 from ..material.laws import Law
-from ..material.strains import SHORTENED, nominal_strain, share_name
+from ..material.strains import SHORTENED, share_name
 from ..sheet.part import Part
 from . import membrane_energy
 from .membrane_energy import Yarns
@@ -113,8 +113,8 @@ class FabricStates(Term):
 
     @cached_property
     def _points(self):
-        """F by columns, cosine between the yarns, S by the energy and as in the forces, I4, I6, I8
-        and gamma."""
+        """F by columns, cosine between the yarns, S by the energy and as in the forces, invariants
+        and strains."""
         law, _, (fa, fb), cosine, rest = self._ufl
         sine = ufl.sqrt(1 - cosine**2)
         f1, f2 = fa, (fb - cosine * fa) / sine
@@ -129,8 +129,8 @@ class FabricStates(Term):
         in_forces += W6 * (ufl.outer(a, b) + ufl.outer(b, a))
         S = [S[place] for S in (by_energy, in_forces) for place in ((0, 0), (1, 1), (0, 1))]
         I = membrane_energy.invariants(fa, fb)
-        gamma = membrane_energy.strains(*I, rest)[2]
-        values = ufl.as_vector([*f1, *f2, cosine, *S, *I, gamma])
+        strains = membrane_energy.strains(*I, rest)
+        values = ufl.as_vector([*f1, *f2, cosine, *S, *I, *strains[::-1]])
         return compat.PointEvaluation(
             values, self.blank.mesh, self.degree, self.part.cells, self._distance
         )
@@ -149,7 +149,7 @@ class FabricStates(Term):
         values, gdim = self._values(), self.blank.mesh.geometry.dim
         F = np.zeros((*values.shape[:2], 3, 2))
         F[:, :, :gdim, 0], F[:, :, :gdim, 1] = values[:, :, :gdim], values[:, :, gdim : 2 * gdim]
-        cosine, S = values[:, :, 2 * gdim], values[:, :, 2 * gdim + 1 : -4]
+        cosine, S = values[:, :, 2 * gdim], values[:, :, 2 * gdim + 1 : -6]
         return F, np.stack([cosine, np.sqrt(1 - cosine**2)], -1), S.reshape(*S.shape[:2], 2, 3)
 
     def state(self) -> tuple[kernel.State, np.ndarray, np.ndarray, float]:
@@ -226,7 +226,11 @@ class FabricStates(Term):
 
     def invariants_at_points(self) -> np.ndarray:
         """I4, I6, I8 and shear angle (cells, points, 4), at a third of the cost of `state`."""
-        return self._values()[..., -4:]
+        return self._values()[..., -6:-2]
+
+    def strains_at_points(self) -> np.ndarray:
+        """eps_a, eps_b and shear angle (3, cells, points)."""
+        return np.moveaxis(self._values()[..., :-4:-1], -1, 0)
 
     def history(self) -> dict[str, Value]:
         """`min_stability`, the least ellipticity indicator of all points, negative where the law
@@ -256,16 +260,16 @@ class FabricStates(Term):
 
     def overstretched(self, strain: float) -> float:
         """Share of the area, 0 to 1, in whose cells a yarn is stretched by more than `strain`."""
-        stretches = np.sqrt(self.invariants_at_points()[..., [0, 2]])
-        return self.share_of(np.einsum("q,cqk->ck", self.weights, stretches).max(1) - 1 > strain)
+        strains = self.strains_at_points()[:2] @ self.weights
+        return self.share_of(strains.max(0) > strain)
 
     def shortening(self) -> np.ndarray:
         """Shortening of both yarns under compression, means over cells (cells, 2): the nominal
         strain, as far as the yarn's stress is what that strain alone gives. Contraction beside
         stretched yarns, free of stress, is not in it."""
-        invariants = self.invariants_at_points()
-        I4, _, I8, gamma = invariants.reshape(-1, 4).T
-        eps_a, eps_b, none = nominal_strain(I4), nominal_strain(I8), 0 * I4
+        strains = self.strains_at_points()
+        eps_a, eps_b, gamma = strains.reshape(3, -1)
+        none = 0 * gamma
 
         def stress(a, b, gamma):
             return self.law_of_points.derivatives(a, b, gamma, second=False).first
@@ -275,7 +279,7 @@ class FabricStates(Term):
         share = np.clip(now[:2] / np.minimum(alone, -1e-300), 0.0, 1.0)
         share[(alone == 0) & (now[:2] <= 0)] = 1.0  # laws that do not resist compression
         short = np.maximum(0.0, -np.stack([eps_a, eps_b])) * share
-        return np.einsum("q,kcq->ck", self.weights, short.reshape(2, *invariants.shape[:2]))
+        return (short.reshape(strains[:2].shape) @ self.weights).T
 
     def share_of(self, cells: np.ndarray) -> float:
         """Share of the part's area that lies in `cells` (cells,) of bool, of all ranks."""

@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from ..core.formatting import of_sheet, percent, rounded
 from ..material import stability
-from ..material.strains import CRUMPLED, nominal_strain
+from ..material.strains import CRUMPLED
 from ..sheet.part import MAX_OFF_YARNS
 from .bending import Bending
 from .membrane import Membrane
@@ -31,8 +31,7 @@ def band_warning(membrane: Membrane) -> str:
     about sqrt(B / Gt) wide; a layer of shear is right to 3 % in cells of half of that.
     """
     part, blank, comm = membrane.part, membrane.blank, membrane.blank.mesh.comm
-    invariants = membrane.invariants_at_points()
-    state = stability.evaluate(membrane.law_of_points, invariants)
+    state = stability.evaluate(membrane.law_of_points, membrane.invariants_at_points())
     least = state.ellipticity.min(1)
     share = membrane.share_of(least < 0)
     if share <= 0.01:
@@ -50,7 +49,7 @@ def band_warning(membrane: Membrane) -> str:
     B = max((term.within for term in terms if term.part_name in ("", part.name)), default=0.0)
     Gt = shear * membrane.fabric.thickness
     rim = (least < 0) & blank.at_rim()[part.cells]
-    short = -nominal_strain(invariants[rim][..., [0, 2]]).min(initial=1.0)
+    short = -membrane.strains_at_points()[:2, rim].min(initial=1.0)
     short, apart = comm.allreduce(short, MPI.MAX), ""
     if short > CRUMPLED:
         apart = f". The row of cells at its edge, where yarns are shortened by {percent(short)}, "
@@ -153,8 +152,8 @@ def range_warnings(membrane: Membrane) -> list[str]:
     ranges, areas = membrane.fabric.ranges(), membrane.blank.areas()[part.cells]
     if not ranges:
         return []
-    I4, _, I8, gamma = np.moveaxis(membrane.invariants_at_points(), -1, 0)
-    strains = {"eps_a": nominal_strain(I4), "eps_b": nominal_strain(I8), "gamma": abs(gamma)}
+    eps_a, eps_b, gamma = membrane.strains_at_points()
+    strains = {"eps_a": eps_a, "eps_b": eps_b, "gamma": abs(gamma)}
     whole, texts = comm.allreduce(float(areas.sum())), []
     as_angle = lambda v: f"{rounded(math.degrees(v), 4)} deg"  # noqa: E731
     for limits in ranges:

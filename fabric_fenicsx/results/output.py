@@ -23,7 +23,7 @@ from ..core.files import csv_text, lock_folder, plain, read_json, replace_file, 
 from ..core.status import MARKED, LogFile, log
 from ..core.version import __version__
 from . import report
-from .verdict import DOUBTFUL, OK, VERDICTS, Numbers, Reason
+from .verdict import DOUBTFUL, OK, VERDICTS, Numbers, Reason, in_a_line
 
 LIST = ".files.json"
 # of what runs write into their folder and those of their parts
@@ -239,13 +239,16 @@ class Output:
         return summary
 
     def report(self, description: str, ending: str, title: str = "") -> None:
-        """Write report.html of all that was written; ending: as of `report.page`."""
+        """Write report.html of all that was written, and say the verdict; ending: as of
+        `report.page`."""
         if self.comm.rank != 0 or not self.parts:
             return
         folders = {part: self.path / part for part in ["", *self.parts]}
         runs = {part: (at / "summary.json", at.glob("*.png")) for part, at in folders.items()}
         page = report.page(title or self.name, runs, description, ending, self.path / "log.txt")
         replace_file(self.path / "report.html", page)
+        if ending == "done" and runs[""][0].is_file():
+            self.say(in_a_line(read_json(runs[""][0])))
         self.close()
 
     def close(self) -> None:

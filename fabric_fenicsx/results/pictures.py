@@ -256,8 +256,7 @@ def state_map(path: File, grid: Grid, formed: bool = False, edges: Sequence[Outl
             ax.margins(0.02)
             for edge in edges:
                 ax.plot(*edge.formed[:, :2].T, color="k", lw=1.2)
-            ax.set_xlabel("x / mm")
-        left.set_ylabel("y / mm")
+        label_outer(np.array([[left, right]]))
         patches = [
             Patch(color=colour, label=f"{name}: {area[state == k].sum() / area.sum():.0%}")
             for k, (name, colour) in STATES.items()
@@ -347,5 +346,4 @@ def _laminate_marks(ply, metal, punch):
 
 def _first(s, holds):
     """The first of `s` (n,) where that holds; the start, which may lie on an edge, not counted."""
-    at = np.flatnonzero(holds[1:])
-    return float(s[1 + at[0]]) if len(at) else np.nan
+    return min(s[1:][holds[1:] > 0], default=np.nan)

@@ -29,7 +29,7 @@ KOMEILI = ff.load("komeili")
     [((20.1, 10), False), ((19.9, 2.0), True), ((9_990, 50), False), ((10_100, 5_000), True)],
 )
 def test_a_size_that_speaks_of_other_units_is_doubted(size, doubted):
-    told = f"s.msh is {size[0]:g} x {size[1]:g} mm; lengths are in mm"
+    told = f"s.msh is {size[0]:g} x {size[1]:g} mm; lengths must be in mm"
     assert size_warning(builders.sheet(*size, 8, 2), "s.msh").startswith(told) == doubted
 
 

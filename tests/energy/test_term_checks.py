@@ -54,7 +54,7 @@ def tangents_that_change():
         ("tangent", tangents_that_change(), "other places than before; .* unless `pattern` counts"),
         ("add_forces", lambda self, f: f + 1.0, "springs returns a value, or overwr"),
         ("add_forces", in_place_of_others, "overwrites forces of other terms; it must add"),
-        ("energies", lambda self: {"viscous": 1.0}, "springs has the kind of energy viscous; allo"),
+        ("energies", lambda self: {"viscous": 1.0}, "springs has the kind of energy viscous; expe"),
         ("summary", lambda self: {"converged": 3}, "entry converged, which summary.json has"),
         ("nodal_fields", lambda self: {"u": 3}, r"returns u with shape \(\); expected"),
     ],
@@ -105,7 +105,7 @@ def test_a_memory_that_is_not_recalled():
     ff.Job(scene, steps=1).run()
     forgets = type("Mine", (Counting,), {"recall": lambda self, memory: None})()
     memory, other = scene.memory(), scene_with(forgets)
-    with pytest.raises(ff.InputError, match="`recall` of term springs leaves hits other than it"):
+    with pytest.raises(ff.InputError, match="`recall` of term springs does not restore hits"):
         other.recall(memory)
     other = scene_with(again := Counting())
     other.recall(memory)
@@ -192,7 +192,7 @@ REFUSED = [
     (lambda: ff.Tool(PLANE, force=lambda s: (1 - s, 0, s)), "0 is .* along that at full load"),
     (lambda: between(stack(), pair(None), Elastic()), "a penalty, a number above 0, as no term"),
     (lambda: between(stack(), ff.SelfContact(T, penalty=1.0)), "asked of a stack; expected one"),
-    (lambda: alone(square(), ff.Springs(END, 1.0, anchor=(10, 0, 0))), "an anchor at a node that"),
+    (lambda: alone(square(), ff.Springs(END, 1.0, anchor=(10, 0, 0))), "an anchor at one of their"),
     (lambda: alone(square(), ff.Gravity()), "gravity needs the mass of"),
     (lambda: alone(square(), ff.Bending(1.0, symmetric=SIDES)), "sides in more than one plane"),
     (lambda: alone(square(spatial=False), ff.Bending(1.0)), "`spatial=True`, or `in_plane`"),

@@ -97,7 +97,7 @@ def test_an_onset_that_the_data_do_not_tell_is_assumed(lowest, onset, source):
     found = fit_compaction(dataclasses.replace(PLY, compaction=(test,)))
     assumed = found.assumed["onset"]
     assert (assumed.value, assumed.source) == (onset, source)
-    assert "the data do not tell it" in assumed.reason
+    assert "the data do not determine it" in assumed.reason
     assert source != "default" or found.compaction.exponent == pytest.approx(12.0, rel=0.1)
     (slope, _), covariance = np.polyfit(np.log(p), np.log(h), 1, cov=True)
     alone = stats.t.ppf(0.975, 18) * math.sqrt(covariance[0, 0]) / -slope
@@ -161,7 +161,9 @@ def test_of_a_loop_the_loading_is_read(tmp_path):
 
 def test_what_does_not_tell_the_exponent_is_refused():
     """And plies of another thickness, as of a stack of five."""
-    with pytest.raises(InputError, match="leave the exponent at .*; expected tests of more"):
+    with pytest.raises(
+        InputError, match="determine the exponent only to .*; expected tests of more"
+    ):
         fit_compaction(pressed_sheet(STIFF, (0.1, 3), points=6))
     sheet = dataclasses.replace(pressed_sheet(SOFT), thickness=0.08)
     with pytest.raises(InputError, match=r"thickness is 0.08 mm, and plies of .* have 0.4"):

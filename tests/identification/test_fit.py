@@ -202,7 +202,7 @@ def test_shear_stiffness_stays_positive():
     result = identify(SHEET, [shear(g, (0.3 - g + 0.9 * g**2) * g)])
     assert 0 < result.shear_stiffness_min < 1e-3
     assert all(p.at_bound for p in result.determined.values())
-    assert any(w.startswith("s1, s2, s3 are at a limit") for w in result.warnings)
+    assert any(w.startswith("s1, s2, s3 are at a physical bound") for w in result.warnings)
     concave = identify(SHEET, [shear(g, 0.2 * g - 0.02 * g**2 - 0.06 * g**3)])
     assert concave.fabric.s3 == 0 and concave.shear_stiffness_min > 0
 
@@ -213,7 +213,7 @@ def test_tension_stays_convex():
     assert result.fabric.warp.a == pytest.approx(0, abs=1e-3)
     assert result.fabric.warp.b > 0
     assert result.determined["a"].at_bound
-    assert any(w.startswith("a is at a limit of what") for w in result.warnings)
+    assert any(w.startswith("a is at a physical bound") for w in result.warnings)
     sheet, curves = synthesise(KOMEILI.replace(p_min=0.1, c=60.0), "paper")
     unstable = identify(dataclasses.replace(sheet, assumed={"p_min": 0.1}), curves)
     assert unstable.convex_in_tension is False and any("not convex" in w for w in unstable.warnings)

@@ -113,7 +113,7 @@ def test_a_checkpoint_of_other_numbers_of_terms_is_refused(folder):
     last = first.rows[-1]  # also of bending, whose normals were taken anew after it
     assert first.summary["energy"]["bending"] == last["bending_energy_Nmm"] > 0
     for name, (value, words) in OTHER.items():
-        with pytest.raises(ff.InputError, match=f"was made with {words}.*take the same"):
+        with pytest.raises(ff.InputError, match=f"was made with {words}.*use the same"):
             loaded(**{name: value}).run(folder, resume=True, pictures=False)
 
 

@@ -53,7 +53,7 @@ def test_a_punch_with_a_crack_beneath_the_ply_or_in_inches_is_refused():
     whole = (abs(points[triangles].mean(1)[:, :2]) > 30).any(1)
     with pytest.raises(ff.InputError, match="tools.punch is open at .* under the blank; expected"):
         dome(surface=ff.TriangulatedSurface(points, triangles[whole]), nx=4)
-    with pytest.raises(ff.InputError, match="tools.punch is open at .* is a surface in mm"):
+    with pytest.raises(ff.InputError, match="tools.punch is open at .* expected a surface in mm"):
         dome(surface=ff.TriangulatedSurface(points / 25.4, triangles), nx=4)
 
 

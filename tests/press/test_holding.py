@@ -107,7 +107,7 @@ def test_springs_pull_at_a_quarter_as_at_the_whole_blank():
 def test_grippers_pull_at_the_edges_that_are_marked():
     ply = dome(**SIZES, holder=ff.Grippers(3.0, where=lambda x: x[0] > 234))
     assert sum(isinstance(term, ff.EdgeTension) for term in ply.scene.terms) == 1
-    with pytest.raises(ff.InputError, match="`where` of holders.blank holder marks no edge"):
+    with pytest.raises(ff.InputError, match="`where` of holders.blank holder selects no edge"):
         dome(**SIZES, holder=ff.Grippers(where=lambda x: x[0] < 1))
 
 

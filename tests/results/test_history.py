@@ -37,7 +37,7 @@ def test_a_row_has_each_number_under_its_name(tmp_path):
         **{"force_scale_N": 50.0, "min_stability": 0.1, "wall_s": 1.2346, "own": 6.0},
     }
     assert json.loads(json.dumps(history.rows)) == [expected]
-    with pytest.raises(InputError, match="load 0.5 the terms no longer give .* the column own"):
+    with pytest.raises(InputError, match="load 0.5 the terms no longer return the column own"):
         history.add(state, 1.5, 20.0, lambda taken: {})
     (row,) = csv.DictReader((tmp_path / "history.csv").open())
     assert {name: float(value) for name, value in row.items()} == expected

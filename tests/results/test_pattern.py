@@ -182,7 +182,7 @@ def test_the_command(tmp_path, capsys):
         (["--plane", "z=-10", "--out", "no/where"], 2, "no/where.dxf can't be read or written"),
         (["--line", file, "--edge"], 0, "trim line, 0.18"),
         (["--plane", "-10,0,0,1,0,0"], 0, "area 5605"),  # begins with a minus
-        (["--plane", "z=-10"], 2, "pattern.dxf exists already; choose another file"),
+        (["--plane", "z=-10"], 2, "pattern.dxf exists already; use another file"),
         (["--plane", "z=-10", "--overwrite"], 0, "pattern.dxf, .csv, .vtu: area 5146"),
     ):
         before = {*tmp_path.glob("pattern*")}

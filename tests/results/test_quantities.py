@@ -193,7 +193,7 @@ def test_sheets_without_yarns_are_not_asked():
     result = ff.Result({}, [], Fields({}), None, ff.Scene(blank, [Elastic()]))
     result.fields |= dict.fromkeys(("shear_angle", "shortening_a", "shortening_b"), values)
     (other, *_), (words, *_) = quantities.fabric_doubts(result)
-    assert "cells of fabric crumple" in words and "shortens yarns of fabric" in other
+    assert "cells of fabric crumple" in words and "yarns of fabric are shortened" in other
     assert not quantities.fabric_doubts(ff.Result({}, [], Fields({}), None, result.scene))
     assert COMM.allreduce(len(words)) == COMM.size * len(words)
 

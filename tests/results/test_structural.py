@@ -231,7 +231,7 @@ def test_the_command_exports_the_whole_part(tmp_path, capsys, plies):
     name = plies[0] if plies else "the ply"
     for words, status, told, count in (
         ((folder, file), 0, whole, max(1, len(plies))),
-        ((folder, file), 2, "ply.inp exists already; choose another file, or --over", 1),
+        ((folder, file), 2, "ply.inp exists already; use another file, or --over", 1),
         (("--modelled", folder, file, "--overwrite"), 0, "), 24 cells\n", 1),
         ((folder, tmp_path / "ply.k"), 2, f"the thickness of {name} is not", 1),
         ((folder, "ply.stl"), 2, "the ending of ply.stl is unknown; expected .vtu", 1),

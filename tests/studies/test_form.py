@@ -153,7 +153,7 @@ def test_a_dry_run_tells_the_size_and_leaves_the_folder_free(launch):
     assert checked.status == 0, checked.err
     assert "64 cells (P1), 123 degrees of freedom; membrane, bending, contact" in checked.out
     told = re.findall(r"^(.*?),? takes ([\d.]+) to ([\d.]+) s", checked.out, re.MULTILINE)
-    assert [n.split(",")[0] for n, *_ in told] == ["the run", "the run on coarser cells"]
+    assert [n.split(",")[0] for n, *_ in told] == ["the run", "the error estimate on coarser cells"]
     assert all(float(low) < float(high) for _, low, high in told)
     assert "MiB" in checked.out
     assert (checked.folder / "setup.png").stat().st_size > 10_000

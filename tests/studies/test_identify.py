@@ -39,7 +39,7 @@ def test_by_formula_and_a_material_is_not_lost(launch, tmp_path):
     assert "simulating" not in done.out and "above 30 deg by the displacement" in done.out
     again = launch(*words, out=False)
     assert again.status == 2
-    assert "x.toml exists already; choose another file, or --overwrite" in again.err
+    assert "x.toml exists already; use another file, or --overwrite" in again.err
 
 
 def test_a_fit_that_gives_up(launch, monkeypatch, tmp_path):

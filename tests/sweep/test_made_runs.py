@@ -63,7 +63,7 @@ def test_scatter_of_four_runs(made):
     assert [*spreads] == ["q"] and told[0].splitlines() == [
         "length [mm]: mean 10, standard deviation 2.65, 90 % of 4 runs between 7.65 and 13.05",
         "  a from 0 to 4: +8 +- 3, 68 % of the variance",
-        "  not explained linearly:  32 %",
+        "  not explained linearly: 32 %",
     ]
     assert told[1:3] == ["q below 8.5: in 1 of 4 runs", "q below 8.6: in 2 of 4 runs"]
     assert told[3].startswith("1 of 5 runs are not valid and left out")
@@ -91,7 +91,7 @@ def test_a_design_fills_its_ranges():
         ((6, 1, 2), (5, 1, 1), 2, "up to p = 3 (between runs, interpolated)"),
         ((1, 2, 4, 6), (5, 1, 1, 2), 1.5, "from p = 1.875 on and up to p = 5 (between"),
         ((1, 2), (4, 3), 4.5, "in all runs, from p = 1 on"),
-        ((1, 2), (4, 3), 3, "in no run; the smallest value is 3 at p = 2"),
+        ((1, 2), (4, 3), 3, "in no run; the least is 3 at p = 2"),
     ],
 )
 def test_where_a_quantity_is_below_a_limit(line, p, q, limit, told):
@@ -111,7 +111,7 @@ def test_runs_without_a_value_are_left_out_with_the_reason(line):
         "left out (not valid): p = 4",
         "left out (without a value): p = 5",
     ]
-    assert "no run is valid and has a value; left" in below(runs[2:], "q", 3)
+    assert "no valid run has a value; left" in below(runs[2:], "q", 3)
 
 
 def test_the_error_of_the_cells_is_told(line):
