@@ -98,20 +98,8 @@ def test_an_example_prints_what_its_page_says(run, tmp_path, script, caplog):
     """And ends without a warning that its work is not in the energies."""
     text = script.read_text()
     assert len(text.splitlines()) <= 40
-<<<<<<< HEAD
     compare(run(text), script.stem)
-    assert "take smaller steps" not in caplog.text
-=======
-    here, outputs = (("included", script.stem), ("python", program_of(text))), []
-    for page in PAGES:
-        found = with_output(page.read_text())
-        outputs += [output for kind, body, output in found if output and (kind, body) in here]
-    printed = run(text)
-    assert outputs
-    for output in outputs:
-        compare(printed, output)
     assert "use smaller steps" not in caplog.text
->>>>>>> w_E
     picture = tmp_path / f"{script.stem}.png"
     assert picture.exists() == (DOCS / "pictures" / picture.name).exists()
 
