@@ -113,8 +113,7 @@ class FabricStates(Term):
 
     @cached_property
     def _points(self):
-        """F by columns, cosine between the yarns, S by the energy and as in the forces, invariants
-        and strains."""
+        """F by columns, cosine of the yarns, S of energy and forces, invariants, strains."""
         law, _, (fa, fb), cosine, rest = self._ufl
         sine = ufl.sqrt(1 - cosine**2)
         f1, f2 = fa, (fb - cosine * fa) / sine
@@ -165,11 +164,11 @@ class FabricStates(Term):
             fibres=([1.0, 0.0], b),
             weave_angle=self.weave_angle,
         )
-        S = np.stack([state.S[:, 0, 0], state.S[:, 1, 1], state.S[:, 0, 1]], -1)
+        S = state.S[:, [0, 1, 0], [0, 1, 1]]
         difference = np.linalg.norm(S_ufl.reshape(-1, 2, 3) - S[:, None], axis=2).max(1)
         least = self.fabric.shear_stiffness or 1.0
         mismatch = (difference / np.maximum(np.linalg.norm(S, axis=1), least)).max(initial=0.0)
-        arrays = {name: values for name, values in state._asdict().items() if values is not None}
+        arrays = {name: v for name, v in state._asdict().items() if v is not None}
         shaped = {name: v.reshape(cells, points, *v.shape[1:]) for name, v in arrays.items()}
         fb = np.einsum("cqij,cqj->cqi", F, b.reshape(cells, points, 2))
         return state._replace(**shaped), F[..., 0], fb, mismatch
@@ -268,14 +267,13 @@ class FabricStates(Term):
         strain, as far as the yarn's stress is what that strain alone gives. Contraction beside
         stretched yarns, free of stress, is not in it."""
         strains = self.strains_at_points()
-        eps_a, eps_b, gamma = strains.reshape(3, -1)
-        none = 0 * gamma
+        eps_a, eps_b, gamma, none = *strains.reshape(3, -1), np.zeros(strains[0].size)
 
         def stress(a, b, gamma):
             return self.law_of_points.derivatives(a, b, gamma, second=False).first
 
-        now, alone = stress(eps_a, eps_b, gamma), stress(eps_a, none, none)[:1]
-        alone = np.concatenate([alone, stress(none, eps_b, none)[1:2]])
+        now = stress(eps_a, eps_b, gamma)
+        alone = np.stack([stress(eps_a, none, none)[0], stress(none, eps_b, none)[1]])
         share = np.clip(now[:2] / np.minimum(alone, -1e-300), 0.0, 1.0)
         share[(alone == 0) & (now[:2] <= 0)] = 1.0  # laws that do not resist compression
         short = np.maximum(0.0, -np.stack([eps_a, eps_b])) * share

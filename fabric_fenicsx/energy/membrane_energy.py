@@ -6,9 +6,8 @@ paper's W_tot, eq. (30), is the law's: `WovenFabric.energy` in `material/laws/co
 
 - To change W, write a law (docs/howto/own_law.md); all below stays.
 - To change a strain, change it in `material/strains.py`, with its derivatives in `in_invariants`.
-- After a change below, delete the method `Membrane.variations`, so that UFL derives all (but
-  friction between yarns, which then has no force), or correct `variations`;
-  tests/energy/test_convergence.py compares the two.
+- After a change below correct `variations`, or delete the method `Membrane.variations`, so that
+  UFL derives all but friction between yarns. Each run compares both with the kernel.
 
     a0, b0, u -> fa, fb -> I4, I6, I8 -> eps_a, eps_b, gamma -> W -> t W dx
 """

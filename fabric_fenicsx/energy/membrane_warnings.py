@@ -26,9 +26,8 @@ def band_warning(membrane: Membrane) -> str:
     state, else "".
 
     The law has no length, so a band is as wide as a row of cells, and which of two rows becomes one
-    is open: with yarns at +-45 deg the double dome's corner has neighbouring equilibria, whose
-    largest shear angles are 52.1 and 54.5 deg. Bending within the sheet, of stiffness B, makes it
-    about sqrt(B / Gt) wide; a layer of shear is right to 3 % in cells of half of that.
+    is open. Bending within the sheet, of stiffness B, makes it about sqrt(B / Gt) wide; a layer of
+    shear is right to 3 % in cells of half of that.
     """
     part, blank, comm = membrane.part, membrane.blank, membrane.blank.mesh.comm
     state = stability.evaluate(membrane.law_of_points, membrane.invariants_at_points())
@@ -131,15 +130,12 @@ def _is_at_rest(membrane):
 
 def alternating_energy(membrane: Membrane) -> float:
     """Share of the strain energy that goes when yarn strains are smoothed over neighbours."""
-    blank, state = membrane.blank, membrane.state()[0]
-    stretches, gamma = np.sqrt(state.invariants[..., [0, 2]]), state.invariants[..., 3]
-    cells = membrane.part.cells
-    areas, means = blank.areas()[cells], np.einsum("q,cqk->ck", membrane.weights, stretches)
-    smooth = blank.smoothed(means, cells)[:, None]
-    a, b = np.moveaxis(np.broadcast_to(smooth - 1, stretches.shape), -1, 0)
-    strains = a.ravel(), b.ravel(), gamma.ravel()
-    density = membrane.law_of_points.derivatives(*strains, second=False).parts.sum(-1)
-    densities = state.energy, density.reshape(gamma.shape)
+    blank, cells, strains = membrane.blank, membrane.part.cells, membrane.strains_at_points().copy()
+    areas, shape = blank.areas()[cells], strains[0].shape
+    strains[:2] = blank.smoothed((strains[:2] @ membrane.weights).T, cells).T[..., None]
+    a, b, gamma = strains.reshape(3, -1)
+    density = membrane.law_of_points.derivatives(a, b, gamma, second=False).parts.sum(-1)
+    densities = membrane.state()[0].energy, density.reshape(shape)
     parts = np.array([areas @ (each @ membrane.weights) for each in densities])
     whole, smoothed = blank.mesh.comm.allreduce(parts)
     return float((whole - smoothed) / whole) if whole > 0 else 0.0

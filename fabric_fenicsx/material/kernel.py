@@ -89,9 +89,7 @@ def evaluate(
     # lambda - 1 would lose digits
     eps_a, eps_b = (np.expm1(np.log(I) / 2) for I in (I4, I8))
     W = fabric.derivatives(eps_a, eps_b, gamma, tangent)
-    slid = None
-    if sliding is not None:
-        W, slid = _with_friction(fabric, W, gamma, sliding)
+    slid = None if sliding is None else _add_friction(fabric, W, gamma, sliding)
     a, b = a0 / la, b0 / lb
     aa, bb, ab = (np.einsum("in,jn->ijn", *pair) for pair in ((a, a), (b, b), (a, b)))
     # of lambda_a, lambda_b, gamma in E; eq. (12)
@@ -122,16 +120,16 @@ def _tangent(W, slopes, la, lb, cotangent):
     return np.einsum("ijn,ipn,jqn->npq", second[square], voigt, voigt)
 
 
-def _with_friction(fabric, W, gamma, sliding):
-    """The derivatives with friction between yarns, and the sliding after the step (n, k)."""
+def _add_friction(fabric, W, gamma, sliding):
+    """Add friction between yarns to the derivatives W; the sliding after the step (n, k)."""
     friction = fabric.shear_friction
-    count = len(friction.stiffness)
-    more = friction.respond(gamma, np.broadcast_to(sliding, (len(gamma), count)))
+    places = len(gamma), len(friction.stiffness)
+    more = friction.respond(gamma, np.broadcast_to(sliding, places))
     W.parts[:, 2] += more.energy
     W.first[2] += more.stress
     if W.second is not None:
         W.second[5] += more.tangent
-    return W, more.sliding
+    return more.sliding
 
 
 def _deformation(stretch, gradient, cauchy_green):

@@ -49,7 +49,6 @@ def in_invariants(
     moved = [[sum(W2[k][m] * J[m, j] for m in depend[j]) for j in three] for k in three]
 
     def second(i, j):
-        terms = [J[k, i] * moved[k][j] + W1[k] * H.get((k, i, j), 0) for k in depend[i]]
-        return sum(terms)
+        return sum(J[k, i] * moved[k][j] + W1[k] * H.get((k, i, j), 0) for k in depend[i])
 
     return first, [[second(min(i, j), max(i, j)) for j in three] for i in three]

@@ -23,7 +23,7 @@ from ..core.files import csv_text, lock_folder, plain, read_json, replace_file, 
 from ..core.status import MARKED, LogFile, log
 from ..core.version import __version__
 from . import report
-from .verdict import DOUBTFUL, OK, VERDICTS, Numbers, Reason, in_a_line
+from .verdict import DOUBTFUL, OK, VERDICTS, Numbers, Reason
 
 LIST = ".files.json"
 # of what runs write into their folder and those of their parts
@@ -239,8 +239,7 @@ class Output:
         return summary
 
     def report(self, description: str, ending: str, title: str = "") -> None:
-        """Write report.html of all that was written, and say the verdict; ending: as of
-        `report.page`."""
+        """Write report.html, and say the verdict of a run; ending: as of `report.page`."""
         if self.comm.rank != 0 or not self.parts:
             return
         folders = {part: self.path / part for part in ["", *self.parts]}
@@ -248,7 +247,10 @@ class Output:
         page = report.page(title or self.name, runs, description, ending, self.path / "log.txt")
         replace_file(self.path / "report.html", page)
         if ending == "done" and runs[""][0].is_file():
-            self.say(in_a_line(read_json(runs[""][0])))
+            summary = read_json(runs[""][0])
+            texts = (each["text"] for each in summary["reasons"] if each["verdict"] != OK)
+            changes = dict.fromkeys(text.rpartition("; ")[2] for text in texts)
+            self.say("; ".join([f"verdict: {summary['verdict']}", *changes]))
         self.close()
 
     def close(self) -> None:

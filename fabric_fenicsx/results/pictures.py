@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pyvista
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Colormap, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.path import Path as Polygon
-from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import ArrayLike
 
 from ..core.errors import InputError
@@ -47,13 +47,8 @@ def figure(
     file = {"dpi": options.pop("dpi", 130), "bbox_inches": options.pop("bbox_inches", None)}
     drawn = Figure(figsize=size, layout="constrained")
     yield drawn, drawn.subplots(rows, columns, squeeze=False, **options)
-    logarithmic = [a for ax in drawn.axes for a in (ax.xaxis, ax.yaxis) if a.get_scale() == "log"]
-    for axis in logarithmic:  # 0.1, 1, 10 in place of powers, and 2 and 5 within few decades
-        low, high = axis.get_view_interval()
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 1e3 * low else (1,)))
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter(NullFormatter())
-    drawn.savefig(path, **file)
+    with rc_context({"axes.formatter.min_exponent": 5}):  # 0.1 and 100, not powers of 10
+        drawn.savefig(path, **file)
 
 
 def colour_scale(colours: str, low: float, high: float) -> tuple[str, float, float]:
