@@ -59,9 +59,7 @@ def test_a_sheet_may_not_pass_through_itself(height, told):
     scene = moved(sheet(40, 10, 4, 1, "right", spatial=True), folded)
     found = validity.beyond_limits_at_end(scene, ff.Limits(), ROWS, ENERGY)
     assert len(found) == told
-    assert not told or re.match(
-        r"sheet blank passes through itself at \d places, e.g. at", found[0]
-    )
+    assert not told or re.match(r"sheet blank passes through itself at \d places, e.g.", found[0])
 
 
 def test_a_sheet_may_not_pass_through_its_image():
