@@ -64,8 +64,8 @@ class TripletPlaces:
         at others; the same at each call. InputError for another number of values."""
         if len(values) != len(self._rows):
             raise InputError(
-                "`tangent` of a term gives other places than before; expected always the same, "
-                "unless `pattern` counts up (`check_derivatives` of such a `size` tells which)"
+                "`tangent` of a term returns other rows and columns than before; expected the same "
+                "unless `pattern` changes (`check_derivatives` with such a `size` shows which)"
             )
         if free is not None:
             if self._counts is None:

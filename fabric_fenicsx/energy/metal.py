@@ -116,7 +116,7 @@ class SheetMetal(Term):
         blank, metal = scene.blank, self.metal
         if not (blank.triangulated and blank.mesh.geometry.dim == 3):
             raise InputError(
-                f"metal of {blank.name} is asked for in a plane or on other cells; expected P1, "
+                f"metal of {blank.name} does not support plane sheets or these cells; expected P1, "
                 "and P2 with straight sides, in space"
             )
         D = plate_stiffness(metal.E, metal.thickness) / (1 - metal.nu**2)

@@ -217,7 +217,7 @@ class _Sides:
         if alone != free * math.isqrt(flat.per_cell):
             raise InputError(
                 f"bending of {flat.blank.name} finds edges of more than two cells, or ranks that "
-                "don't know the cells beyond theirs; expected a manifold with ghosts at facets"
+                "lack the cells beyond theirs; expected a manifold with ghosts at facets"
             )
 
     def reflected(self, flat, points, e):

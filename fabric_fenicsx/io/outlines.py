@@ -289,7 +289,7 @@ def mirrored_half(
     if not far.is_empty:
         place = coordinates(far.representative_point().coords[0])
         raise InputError(
-            f"{source} is not its own mirror image in {name} = {at:g}: {rounded(far.area, 3)} mm2 "
+            f"{source} is not symmetric about {name} = {at:g}: {rounded(far.area, 3)} mm2 "
             f"differ, as at {place} mm; expected a symmetric outline, or its half"
         )
     reach = 2 * np.abs(sheet.bounds).max()

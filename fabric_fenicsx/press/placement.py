@@ -298,9 +298,9 @@ def mirrored_tools(
         if tool.name not in doubts and off.max(initial=0.0) > MIRRORED * thickness:
             worst = int(off.argmax())
             doubts[tool.name] = (
-                f"tools.{tool.name} is not its own mirror image in {'xy'[axis]} = {place:g}: it is "
+                f"tools.{tool.name} is not symmetric about {'xy'[axis]} = {place:g}: it is "
                 f"at {coordinates(x[worst])}, but {rounded(off[worst])} mm off "
-                f"{coordinates(images[worst])}; so the {press.modelled} stands for "
-                f'{1 / press.share:g} mirrored ones; take the whole blank (`symmetry = "none"`)'
+                f"{coordinates(images[worst])}; so the {press.modelled} represents "
+                f'{1 / press.share:g} mirrored ones; use the whole blank (`symmetry = "none"`)'
             )
     return list(doubts.values())

@@ -26,8 +26,8 @@ def unit_doubt(size: float, sheet: float, least: float) -> str:
     if not fitting or size >= least * sheet:
         return ""
     return (
-        f"is {rounded(size, 4)} mm large beside a sheet of {rounded(sheet, 4)} mm, as if it were "
-        f"in {' or '.join(fitting)}"
+        f"has a size of {rounded(size, 4)} mm, and the sheet {rounded(sheet, 4)} mm; its unit may "
+        f"be {' or '.join(fitting)}"
     )
 
 

@@ -51,7 +51,7 @@ def tangents_that_change():
     "method, does, words",
     [
         ("tangent", moved, "`tangent` of term springs returns entries outside the matrix"),
-        ("tangent", tangents_that_change(), "other places than before; .* unless `pattern` counts"),
+        ("tangent", tangents_that_change(), "rows and columns than before; .* unless `pattern` ch"),
         ("add_forces", lambda self, f: f + 1.0, "springs returns a value, or overwr"),
         ("add_forces", in_place_of_others, "overwrites forces of other terms; it must add"),
         ("energies", lambda self: {"viscous": 1.0}, "springs has the kind of energy viscous; expe"),

@@ -161,7 +161,7 @@ def test_a_specimen_that_tells_nothing_leaves_the_first_fit(why):
     count = iter(range(100))
 
     def simulate(fabric, curve):
-        if "settle" not in why:
+        if "converge" not in why:
             raise SolverFailure("no")
         force, slopes = specimen(fabric, curve)
         return force * (1 + 0.5 * (next(count) % 2)), slopes

@@ -76,7 +76,7 @@ def test_the_net_of_stiff_yarns_over_an_open_ring():
 def test_the_force_of_a_tool_is_that_on_the_whole_blank(tmp_path):
     """A quarter of it pushes the quarter that is modelled, towards it."""
     ring = '[tools.lower]\nshape = "plate"\nlength = 108\nentry = 8\nforce = 450\n'
-    held = "[holders.holder]\npressure = 0.02       # on what lies on the ring [MPa]\n"
+    held = "[holders.holder]\npressure = 0.02       # on the ply over the ring [MPa]\n"
     tool = hemisphere("blank.nx=4", file=changed(tmp_path, (held, ring))).tools["lower"]
     tool.at(1.0)
     assert tool.push == 112.5 and tool.direction.tolist() == [0, 0, 1]
@@ -134,7 +134,7 @@ def test_the_encoding_of_a_file_is_named(tmp_path):
 
 def test_tools_that_no_plane_of_symmetry_mirrors_are_doubted():
     """One off by 0.32 mm, more than a quarter of the thickness, or that goes aside."""
-    doubt = "tools.punch is not its own mirror image in "
+    doubt = "tools.punch is not symmetric about "
     aside = ("tools.punch.at=[0.16, 0]", "x = 0"), ("stage.1.moves.punch=[0, 3, 20]", "y = 0")
     for change, place in (*aside, ("tools.punch.at=[0.12, 0]", "")):
         warnings = hemisphere("blank.nx=4", change).warnings
@@ -149,7 +149,7 @@ def test_an_answer_less_symmetric_than_its_press_is_doubted():
     assert not press.doubts(result)
     result.grid.point_data["u"][result.grid.points[:, 0] > 1, 0] += 1
     (doubt,) = press.doubts(result)
-    assert "its own mirror image in x = 0, but the blank, which" in doubt.text
+    assert "symmetric about x = 0, but the blank, which" in doubt.text
     assert " mm in plan, is off its image by 1 mm at (" in doubt.text
     held = {"left": ff.PressureHolder(0.1, where=lambda x: x[0] < 0)}
     turned, segment = hemisphere(*whole, "blank.fibre_angle=30"), hemisphere(*whole, holders=held)
@@ -170,7 +170,7 @@ def test_default_cells_follow_the_least_radius_of_the_tools(tmp_path, changes, n
 
 def test_a_plate_has_the_opening_of_its_die(tmp_path):
     """A ball that comes down through the ring meets no plate beneath it."""
-    by_force = "pressure = 0.02       # on what lies on the ring [MPa]", "force = 400"
+    by_force = "pressure = 0.02       # on the ply over the ring [MPa]", "force = 400"
     over = changed(tmp_path, ("radius = 50", 'radius = 50\nside = "above"'), by_force)
     press = hemisphere("blank.nx=6", "stage.1.moves.punch=5", file=over)
     result = press.job(steps=3, balance=None).run()

@@ -234,7 +234,7 @@ def test_the_command_exports_the_whole_part(tmp_path, capsys, plies):
         ((folder, file), 2, "ply.inp exists already; use another file, or --over", 1),
         (("--modelled", folder, file, "--overwrite"), 0, "), 24 cells\n", 1),
         ((folder, tmp_path / "ply.k"), 2, f"the thickness of {name} is not", 1),
-        ((folder, "ply.stl"), 2, "the ending of ply.stl is unknown; expected .vtu", 1),
+        ((folder, "ply.stl"), 2, "the extension of ply.stl is unknown; expected .vtu", 1),
     ):
         assert main.main(["export", *map(str, words)]) == status
         assert "".join(capsys.readouterr()).count(told) >= count

@@ -192,5 +192,5 @@ def test_radii_and_gaps_of_tools_that_touch_and_that_do_not():
     scene = ff.Scene(scene.blank, [ff.Membrane(KOMEILI), ff.Contact(aside, 1.0, penalty=9.0)])
     scene.set_load(1.0)
     scene.accept()
-    words = "a tool never touched the sheet: ball moved by 3 mm, and is still 2.3 mm off;"
+    words = "a tool never touched the sheet: ball moved by 3 mm, and is still 2.3 mm away;"
     assert tool_warnings.untouched_warning(scene).startswith(words)

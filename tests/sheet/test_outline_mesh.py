@@ -227,7 +227,7 @@ def test_the_middle_of_the_extent_is_centred():
 )
 def test_half_of_a_sheet_that_is_its_own_mirror_image(sheet, half):
     if half is None:
-        with pytest.raises(InputError, match="is not its own mirror image in x = 0: .* mm2 differ"):
+        with pytest.raises(InputError, match="is not symmetric about x = 0: .* mm2 differ"):
             mirrored_half(sheet, 0, "it")
     else:
         bounds = mirrored_half(sheet, 0, "it").bounds

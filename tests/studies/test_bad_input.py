@@ -161,5 +161,5 @@ def test_planes_of_symmetry_cut_a_whole_outline(table):
     assert np.ravel(ply.scene.blank.extent()) == pytest.approx([-250, -150, 0, 250, 150, 0])
     ply = dome(**made, full=False)
     assert np.ravel(ply.scene.blank.extent()) == pytest.approx([0, 0, 0, 250, 150, 0])
-    with pytest.raises(ff.InputError, match="not its own mirror image in x = 0"):
+    with pytest.raises(ff.InputError, match="not symmetric about x = 0"):
         dome(**made | {"centred": False, "outline": table(500, 300, -100)}, full=False)

@@ -86,9 +86,9 @@ def told_of(size, hole=0.0):
 def test_a_tool_in_another_unit_is_doubted():
     """Below a fifth of the sheet, if it would be from a tenth to ten times as large in a unit."""
     assert not told_of(21.0)
-    assert "as if it were in inches or cm;" in told_of(19.0)[0]
-    assert "as if it were in metres or inches;" in told_of(0.5)[0]
-    assert "as if it were in metres;" in told_of(0.3)[0]
+    assert "its unit may be inches or cm;" in told_of(19.0)[0]
+    assert "its unit may be metres or inches;" in told_of(0.5)[0]
+    assert "its unit may be metres;" in told_of(0.3)[0]
     assert not checks.unit_doubt(2.1, 100.0, 0.02) and checks.unit_doubt(1.9, 100.0, 0.02)
 
 

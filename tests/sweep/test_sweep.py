@@ -212,7 +212,7 @@ def test_pictures_and_a_page_with_doubts_and_links(run):
     assert page.count("data:image/png") == 2 and not Path("out/maps.png").exists()
     assert "4 runs, 3 of them valid" in page and "<th>punch force [N]</th>" in page
     assert "ended at load 0.5: no step is small enough" in page
-    assert page.count("<li>wrinkles are rough</li>") == 1
+    assert page.count("<li>wrinkles are inaccurate</li>") == 1
 
 
 def test_folders_have_readable_names_that_file_systems_take():
