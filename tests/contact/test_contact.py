@@ -327,8 +327,8 @@ def test_a_wall_presses_as_a_solid():
 @pytest.mark.parametrize(
     "way, up, sentence",
     [
-        ([(28, 1.0), (28, -0.8)], 1, "5 nodes of blank went through .* up to 0.6 mm behind .*"),
-        ([(28, 1.0), (28, -1.2)], 1, "5 nodes of blank went through .* up to 1 mm behind .*"),
+        ([(28, 1.0), (28, -0.8)], 1, "5 nodes of blank passed through .* up to 0.6 mm behind .*"),
+        ([(28, 1.0), (28, -1.2)], 1, "5 nodes of blank passed through .* up to 1 mm behind .*"),
         ([(28, 1.0), (31, 1.0), (31, -1.2), (28, -1.2)], -1, ""),  # round its edge at x = 30
     ],
 )

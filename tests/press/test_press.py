@@ -114,7 +114,7 @@ def test_tools_that_cannot_stand_or_move_as_given(changes, words):
         (["stage.1.close=1.2"], "close needs a tool with a die, as die_of"),
         (["holder={pressure=1, force=3}"], "has pressure and force; expected one of pressure, f"),
         (["ply=[{metal='dc04', fabric='komeili'}]"], "1.fabric and ply.1.metal are both given"),
-        (["holders={}", "tools.ring.side=below"], "stand below the blank, and nothing resists"),
+        (["holders={}", "tools.ring.side=below"], "are below the blank, and nothing resists"),
         (["tools.ring={die_of='ring'}"], "tools.ring.die_of ring refers to a tool that is itself"),
         (["blank.slits=[[0, 1], [2]]"], r"blank.slits are .*; expected lines \[\[x, y\]"),
     ],
