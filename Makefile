@@ -65,7 +65,7 @@ TEST_MPIRUN = $(MPIRUN) --timeout $(TEST_TIMEOUT)
 endif
 PYTHON := $(VENV)/bin/python
 
-.PHONY: help install install-lint install-docs study test test-all mutants bench-hard lint docs pictures debian13-root test-debian13 sid-root test-sid test-pip clean
+.PHONY: help install install-lint install-docs study test test-all mutants bench-hard lint docs numbers pictures debian13-root test-debian13 sid-root test-sid test-pip clean
 
 help:
 	@echo "make study          STUDY=$(STUDY) on RANKS=$(RANKS) ranks; options in ARGS=\"...\" (without any: --overwrite)"
@@ -80,6 +80,7 @@ help:
 	@echo "make bench-hard     hard cases of the solver: load, number and iterations of each, in 15 minutes at most"
 	@echo "make lint           ruff and mypy, as CI runs them first"
 	@echo "make docs           the documentation into build/docs (open build/docs/index.html)"
+	@echo "make numbers        the numbers of README and the pages anew; ARGS=\"--long --times\": those of minutes, and times"
 	@echo "make pictures       the documentation's pictures anew, from docs/examples"
 	@echo "make install        only install what the others need"
 	@echo "make clean          remove environments and caches; keeps results/ and the Debian roots"
@@ -112,6 +113,9 @@ lint: install-lint
 
 docs: $(VENV)/installed-docs
 	$(PYTHON) -m sphinx --builder html --fail-on-warning --keep-going --quiet docs build/docs
+
+numbers: $(VENV)/prepared
+	$(SCREEN) $(PYTHON) docs/page_numbers.py $(ARGS)
 
 pictures: $(VENV)/installed
 	$(SCREEN) $(PYTHON) docs/pictures.py

@@ -4,11 +4,12 @@ import re
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]
 
 from docutils import nodes  # noqa: E402
 from docutils.utils.math.latex2mathml import tex2mathml  # noqa: E402
 from numpy.typing import ArrayLike  # noqa: E402
+from page_numbers import NAMED, texts  # noqa: E402
 from sphinx.util.typing import stringify_annotation  # noqa: E402
 
 import fabric_fenicsx  # noqa: E402
@@ -42,6 +43,9 @@ autodoc_typehints = "signature"
 nitpicky = True
 # types in signatures: other packages' are not linked, since a build needs no network
 nitpick_ignore_regex = [("py:(class|data|exc)", ".*")]
+
+
+NUMBERS = texts()
 
 
 def short_types(app, what, name, obj, options, signature, returns):
@@ -78,6 +82,11 @@ def as_rst(app, what, name, obj, options, lines):
     lines[:] = text.split("\n")
 
 
+def fill_in(app, page, source):
+    """Write the numbers that a page names; a KeyError names one that is not known."""
+    source[0] = NAMED.sub(lambda found: NUMBERS[found[1]], source[0])
+
+
 SPELLINGS = {  # what docutils wants written in another way
     r"\\([dt]?)frac\s*(\\[a-zA-Z]+|\w)\s*(\\[a-zA-Z]+|\w)": r"\\\1frac{\2}{\3}",
     r"(\\\\)\[\w+\]": r"\1",
@@ -109,5 +118,6 @@ def setup(app):
     """Register what is our own."""
     app.add_html_math_renderer("mathml", (formula, None), (displayed_formula, None))
     app.add_css_file("formulas.css")
+    app.connect("source-read", fill_in)
     app.connect("autodoc-process-docstring", as_rst)
     app.connect("autodoc-process-signature", short_types)

@@ -2,21 +2,19 @@
 
 import hashlib
 import json
-import logging
 import os
 import re
 import shlex
 import subprocess
 import sys
-from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
-from unittest.mock import patch
 
 import ezdxf
 import meshio
+import page_numbers
 import pytest
 from builders import dome
+from page_numbers import PAGES, START, renewed, with_output, write_files
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.core.processes import RANKS_ENVIRONMENT
@@ -24,119 +22,37 @@ from fabric_fenicsx.identification import curves, identify
 from fabric_fenicsx.identification.curves.model import COLUMNS, KEYS
 from fabric_fenicsx.identification.curves.model import units as units_of
 from fabric_fenicsx.io.units import UNITS
-from fabric_fenicsx.material.laws.base import LAWS
-from fabric_fenicsx.press.forming_scene import FormingScene
 from fabric_fenicsx.sheet.specimen import specimen
 from fabric_fenicsx.studies.lib.identified import result_lines
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 README, OWN_DATA = ROOT / "README.md", DOCS / "howto/own_data.md"
-PAGES = [README, *sorted(p for p in DOCS.rglob("*.md") if "generated" not in p.parts)]
 EXAMPLES = sorted((DOCS / "examples").glob("*.py"))
 # of examples and pages: what takes more than 10 s, whose mechanisms have tests
 LONG = (
     "hemisphere net_shape own_data own_holder public_bias stack studies sweeps unloading wrinkles"
 )
 MARKS = {"ball": pytest.mark.versions} | dict.fromkeys(LONG.split(), pytest.mark.long)
-JOBS: list = []  # (press, changes, job) of programs
 ENVIRONMENT = os.environ | RANKS_ENVIRONMENT | {"PYTHONPATH": str(ROOT)}
+KNOWN = json.loads(page_numbers.DATA.read_text())
 
 
 def name(path):
     return str(path.relative_to(ROOT))
 
 
-def write_files(folder, *pages):
-    """The files that pages show under their names, written into a folder; the folder `mine`."""
-    shown = r"^`([\w/]+\.(?:toml|csv))`:\n\n```(?:\{code-block\} )?\w+\n(.*?)^```"
-    (folder / "mine").mkdir(exist_ok=True)
-    for page in pages:
-        for file, content in re.findall(shown, page.read_text(), re.S | re.M):
-            (folder / file).write_text(content)
-    return folder / "mine"
-
-
-def blocks(text):
-    """(kind, text, number of paragraphs before it) of the blocks of a page in their order:
-    programs, included files, commands, output."""
-    before = 0
-    for part in re.split(r"^(```.*?^```\n)", text, flags=re.S | re.M):
-        if not (block := re.match(r"```(\{[\w-]+\} ?)?(\S*)\n(.*)```", part, re.S)):
-            before += len(re.findall(r"\S.*?(?:\n\n|$)", part, re.S))
-            continue
-        directive, word, body = block.groups("")
-        if "literalinclude" in directive:
-            word, body = "included", Path(word).stem
-        if word in ("included", "python", "text") or (word == "sh" and not directive):
-            yield word, body, before
-            before = 0
-
-
-def with_output(text):
-    """(kind, text, output) of the blocks of a page that run. Output stands under its block, with
-    at most a paragraph between; None: there is none."""
-    found = [*blocks(text), ("", "", 2)]
-    for (kind, body, _), (after, output, between) in zip(found, found[1:]):
-        if kind != "text":
-            yield kind, body, output if after == "text" and between < 2 else None
-
-
 @pytest.fixture
-def run(tmp_path, monkeypatch, capsys):
-    """Run a program in this process, in a folder of the test; what it prints. Presses that several
-    programs run are run once."""
+def run(tmp_path, monkeypatch):
+    """Run a program in this process, in a folder of the test; what it prints."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["program"])
-    # those of a study that another test ran in this process
-    monkeypatch.setattr(logging.getLogger("fabric_fenicsx"), "handlers", [])
-    # which a run leaves in its folder unasked; tests of studies look at them
-    monkeypatch.setattr(FormingScene, "pictures", lambda *_: None)
-    make = ff.Press.job
-
-    def job(press, **changes):
-        for other, how, runs in JOBS:
-            if (other, how) == (press, changes):
-                return runs
-        JOBS.append((press, changes, SimpleNamespace(run=cache(make(press, **changes).run))))
-        return JOBS[-1][2]
-
-    monkeypatch.setattr(ff.Press, "job", job)
-
-    def run_here(program):
-        with patch.dict(LAWS):  # which own laws enter
-            exec(compile(program, "program", "exec"), {"__name__": "program"})
-        return capsys.readouterr().out
-
-    return run_here
+    return page_numbers.printed_by
 
 
-def same(printed, told):
-    """Whether two words are the same, numbers to 0.2 % or to one of the last digit."""
-    try:
-        value, number = float(told.strip("(,)")), float(printed.strip("(,)"))
-    except ValueError:
-        return printed == told
-    decimals = len(told.strip("(,)").partition(".")[2])
-    return number == pytest.approx(value, rel=2e-3, abs=1.01 * 10**-decimals)
-
-
-def alike(printed, told):
-    """Whether two lists of words are the same, where "..." stands for any number of words."""
-    if not told:
-        return not printed
-    if told[0] == "...":
-        return any(alike(printed[k:], told[1:]) for k in range(len(printed) + 1))
-    return bool(printed) and same(printed[0], told[0]) and alike(printed[1:], told[1:])
-
-
-def compare(printed, told, whole=True):
-    """What a program prints is what its page says, or `whole=False`: has the lines that it says."""
-    if whole:
-        assert len(printed.splitlines()) == len(told.splitlines()), printed
-    for line in told.splitlines():
-        found = any(alike(each.split(), line.split()) for each in printed.splitlines())
-        assert found, f"{line}\nis not in\n{printed}"
+def compare(printed, name, whole=True):
+    """What a program prints is what pages have under this name, numbers to 1e-4."""
+    told = KNOWN["outputs"][name]
+    assert renewed(told, printed, whole) == told
 
 
 def links(page):
@@ -182,27 +98,39 @@ def test_an_example_prints_what_its_page_says(run, tmp_path, script, caplog):
     """And ends without a warning that its work is not in the energies."""
     text = script.read_text()
     assert len(text.splitlines()) <= 40
-    here, outputs = (("included", script.stem), ("python", program_of(text))), []
-    for page in PAGES:
-        found = with_output(page.read_text())
-        outputs += [output for kind, body, output in found if output and (kind, body) in here]
-    printed = run(text)
-    assert outputs
-    for output in outputs:
-        compare(printed, output)
+    compare(run(text), script.stem)
     assert "use smaller steps" not in caplog.text
     picture = tmp_path / f"{script.stem}.png"
     assert picture.exists() == (DOCS / "pictures" / picture.name).exists()
 
 
-def program_of(script):
-    """A script without its docstring."""
-    return script.split('"""\n\n', 1)[1]
+def test_readmes_program_is_an_example_and_its_numbers_are_those_of_the_pages():
+    (program,) = (body for kind, body, _ in with_output(README.read_text()) if kind == "python")
+    assert program == (DOCS / "examples/ball.py").read_text().split('"""\n\n', 1)[1]
+    assert README.read_text() == page_numbers.readme(README.read_text())
 
 
-def test_readmes_program_is_an_example():
-    (program,) = (body for kind, body, _ in blocks(README.read_text()) if kind == "python")
-    assert program == program_of((DOCS / "examples/ball.py").read_text())
+def test_pages_state_numbers_by_their_names():
+    """No output of a program stands in a page, no number of a run with four digits."""
+    assert KNOWN["values"] == page_numbers.values(KNOWN["runs"])
+    long = {
+        text for text in KNOWN["values"].values() if len(re.sub(r"\D", "", text).lstrip("0")) > 3
+    }
+    known = page_numbers.texts()
+    for page in PAGES[1:]:
+        text = page.read_text()
+        assert {*page_numbers.NAMED.findall(text)} <= {*known}, page
+        assert not [each for each in long if each in text], page
+        found = [*page_numbers.blocks(text)]
+        for (before, *_), (kind, body, between) in zip(found, found[1:]):
+            if kind == "text" != before and between < 2:
+                assert page_numbers.NAMED.fullmatch(body.strip()), f"{page}: {body}"
+
+
+@pytest.mark.parametrize("name", ["strip", "strip_64"])
+def test_a_run_has_the_numbers_that_pages_state(name):
+    found = page_numbers.run(page_numbers.PLAN["runs"][name])
+    assert found == pytest.approx(KNOWN["runs"][name], rel=1e-4)
 
 
 @each("page", [p for p in PAGES[1:] if "```python" in p.read_text()])
@@ -217,7 +145,6 @@ def test_programs_print_what_their_page_says(run, tmp_path, page):
                 compare(printed, output)
 
 
-START = ".venv/bin/python "
 # run in the same way, or longer, by tests of their own
 ELSEWHERE = (
     r"studies/(laminate|double_dome|compression_parameters|stability_map|single_element|"
@@ -226,7 +153,7 @@ ELSEWHERE = (
 IN_BLOCKS = {
     line
     for page in PAGES
-    for kind, body, _ in blocks(page.read_text())
+    for kind, body, _ in page_numbers.blocks(page.read_text())
     for line in body.splitlines()
     if kind == "sh" and line.startswith(START)
 }

@@ -5,8 +5,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from ..material import kernel
 from ..material.compaction import growth, log_compaction
+from ..material.homogeneous import nominal
 from ..material.laws.base import Law, Material
 from ..material.metal import Metal
 
@@ -30,9 +30,8 @@ def default_penalty(material: Material, radius: float) -> float:
         stress = 2 * float(material.hardening.stress(np.array(2 * PENALTY_STRAIN)))
     else:
         assert isinstance(material, Law)
-        F = (1 + PENALTY_STRAIN) * np.eye(3)[:, :2]
-        stretched = kernel.evaluate(material, gradient=[F], fibres=np.eye(2)[:, None])
-        stress = float(np.trace(stretched.cauchy[0]))
+        along_both = nominal(material, np.array([[PENALTY_STRAIN, PENALTY_STRAIN, 0.0]]))[0, :2]
+        stress = float(along_both.sum()) / (1 + PENALTY_STRAIN)
     return stress * t / radius / (PENETRATION * t)
 
 

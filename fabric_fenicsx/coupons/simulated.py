@@ -7,7 +7,6 @@ from mpi4py import MPI
 from ..core.errors import SolverFailure
 from ..identification.curves import Curve
 from ..material.laws.coupled import SHEAR, WovenFabric
-from ..material.strains import nominal_strain
 from ..sheet.specimen import blocks
 from ..solve.newton import Newton
 from ..solve.progress import Accepted
@@ -43,11 +42,8 @@ def _simulated(fabric, curve, pattern, cells):
 
     def keep(accepted: Accepted) -> None:
         """Displacement, force and dU/ds [N mm/MPa] of an accepted state; W is linear in s."""
-        I4, _, I8, gamma = np.moveaxis(strip.membrane.invariants_at_points(), -1, 0)
-        of_shear = [
-            np.sum(volume * law.energy(nominal_strain(I4), nominal_strain(I8), gamma)[2])
-            for law in (fabric, *stiffer)
-        ]
+        strains = strip.membrane.strains_at_points()
+        of_shear = [np.sum(volume * law.energy(*strains)[2]) for law in (fabric, *stiffer)]
         slopes = [each - of_shear[0] for each in of_shear[1:]]
         rows.append([*strip.measure(strip.scene, accepted.load), *slopes])
 

@@ -9,9 +9,9 @@ from mpi4py import MPI
 
 from ..core.errors import InputError
 from ..core.rules import FROM_ZERO
-from ..material import kernel
 from ..material.bending import MeasuredBending
 from ..material.friction import Response, respond
+from ..material.homogeneous import nominal
 from ..material.laws import Law
 from .fabric_states import KIND
 from .materials import fabric_of, thickness_shares
@@ -31,10 +31,7 @@ def shortest_wave(fabric: Law, D: float, strain: float) -> float:
     """Length [mm] below which a yarn of bending stiffness `D` [N mm] shortens by `strain` before it
     buckles: Euler's 2 pi sqrt(D / P), P being the force per width at which the law has that
     strain; inf if it has none."""
-    pressed = kernel.evaluate(
-        fabric, gradient=[np.array([[1 - strain, 0], [0, 1], [0, 0]])], fibres=np.eye(2)[:, None]
-    )
-    force = -float(pressed.cauchy[0, 0, 0]) * fabric.thickness
+    force = -float(nominal(fabric, np.array([[-strain, 0.0, 0.0]]))[0, 0]) * fabric.thickness
     return 2 * np.pi * np.sqrt(D / force) if force > 0 else np.inf
 
 

@@ -15,7 +15,7 @@ from ..material import kernel, stability
 from ..material.energy import Energy
 from ..material.friction import Response, ShearFriction
 from ..material.laws import Law
-from ..material.strains import SHORTENED, nominal_strain, share_name, shear_angle
+from ..material.strains import SHORTENED, share_name
 from ..sheet.part import Part
 from . import membrane_energy
 from .membrane_energy import Yarns
@@ -113,33 +113,43 @@ class FabricStates(Term):
 
     @cached_property
     def _points(self):
-        """F by columns, the cosine between the yarns, and UFL's S, at all points."""
+        """F by columns, cosine of the yarns, S of energy and forces, invariants, strains."""
         law, _, (fa, fb), cosine, rest = self._ufl
         sine = ufl.sqrt(1 - cosine**2)
         f1, f2 = fa, (fb - cosine * fa) / sine
         C = ufl.as_matrix([[ufl.dot(x, y) for y in (f1, f2)] for x in (f1, f2)])
         # FFCx from 0.9 names code by the variable's number, and would recompile each one
         C = ufl.classes.Variable(C, ufl.classes.Label(0))
-        b = ufl.as_vector([cosine, sine])
-        I6, I8 = ufl.dot(ufl.sym(C), b)[0], ufl.dot(b, ufl.dot(C, b))
-        S = 2 * ufl.diff(membrane_energy.energy_density(C[0, 0], I6, I8, rest, law), C)
-        values = ufl.as_vector([*f1, *f2, cosine, S[0, 0], S[1, 1], S[0, 1]])
+        a, b = ufl.as_vector([1.0, 0.0]), ufl.as_vector([cosine, sine])
+        invariants = C[0, 0], ufl.dot(ufl.sym(C), b)[0], ufl.dot(b, ufl.dot(C, b))
+        by_energy = 2 * ufl.diff(membrane_energy.energy_density(*invariants, rest, law), C)
+        (W4, W6, W8), _ = membrane_energy.slopes(invariants, rest, law)
+        in_forces = 2 * (W4 * ufl.outer(a, a) + W8 * ufl.outer(b, b))
+        in_forces += W6 * (ufl.outer(a, b) + ufl.outer(b, a))
+        S = [S[place] for S in (by_energy, in_forces) for place in ((0, 0), (1, 1), (0, 1))]
+        I = membrane_energy.invariants(fa, fb)
+        strains = membrane_energy.strains(*I, rest)
+        values = ufl.as_vector([*f1, *f2, cosine, *S, *I, *strains[::-1]])
         return compat.PointEvaluation(
             values, self.blank.mesh, self.degree, self.part.cells, self._distance
         )
 
-    def at_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """F (cells, points, 3, 2) on the basis (a0, perpendicular), b0 (cells, points, 2) there and
-        UFL's S as 11, 22, 12 (cells, points, 3) [MPa] at all quadrature points."""
+    def _values(self):
+        """`_points` of the present displacements."""
         u = self.blank.u.x.array
         if self._evaluated is None or not np.array_equal(u, self._evaluated[0]):
             self._evaluated = u.copy(), self._points()
-        values = self._evaluated[1]
-        gdim = self.blank.mesh.geometry.dim
+        return self._evaluated[1]
+
+    def at_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """F (cells, points, 3, 2) on the basis (a0, perpendicular), b0 (cells, points, 2) there and
+        UFL's S as 11, 22, 12 (cells, points, 2, 3) [MPa] at all quadrature points, by the energy
+        and as in the forces."""
+        values, gdim = self._values(), self.blank.mesh.geometry.dim
         F = np.zeros((*values.shape[:2], 3, 2))
         F[:, :, :gdim, 0], F[:, :, :gdim, 1] = values[:, :, :gdim], values[:, :, gdim : 2 * gdim]
-        cosine = values[:, :, 2 * gdim]
-        return F, np.stack([cosine, np.sqrt(1 - cosine**2)], -1), values[:, :, 2 * gdim + 1 :]
+        cosine, S = values[:, :, 2 * gdim], values[:, :, 2 * gdim + 1 : -6]
+        return F, np.stack([cosine, np.sqrt(1 - cosine**2)], -1), S.reshape(*S.shape[:2], 2, 3)
 
     def state(self) -> tuple[kernel.State, np.ndarray, np.ndarray, float]:
         """`kernel.State` at every quadrature point, arrays (cells, points, ...), the deformed
@@ -154,11 +164,11 @@ class FabricStates(Term):
             fibres=([1.0, 0.0], b),
             weave_angle=self.weave_angle,
         )
-        S = np.stack([state.S[:, 0, 0], state.S[:, 1, 1], state.S[:, 0, 1]], -1)
-        difference = np.linalg.norm(S_ufl.reshape(-1, 3) - S, axis=1)
+        S = state.S[:, [0, 1, 0], [0, 1, 1]]
+        difference = np.linalg.norm(S_ufl.reshape(-1, 2, 3) - S[:, None], axis=2).max(1)
         least = self.fabric.shear_stiffness or 1.0
         mismatch = (difference / np.maximum(np.linalg.norm(S, axis=1), least)).max(initial=0.0)
-        arrays = {name: values for name, values in state._asdict().items() if values is not None}
+        arrays = {name: v for name, v in state._asdict().items() if v is not None}
         shaped = {name: v.reshape(cells, points, *v.shape[1:]) for name, v in arrays.items()}
         fb = np.einsum("cqij,cqj->cqi", F, b.reshape(cells, points, 2))
         return state._replace(**shaped), F[..., 0], fb, mismatch
@@ -215,14 +225,11 @@ class FabricStates(Term):
 
     def invariants_at_points(self) -> np.ndarray:
         """I4, I6, I8 and shear angle (cells, points, 4), at a third of the cost of `state`."""
-        F, b, _ = self.at_points()
-        fa, fb = F[..., 0], F[..., 0] * b[..., :1] + F[..., 1] * b[..., 1:]
-        I4, I6, I8 = (np.einsum("cqi,cqi->cq", x, y) for x, y in ((fa, fa), (fa, fb), (fb, fb)))
-        weave, cosine, sine = self.weave_angle, b[..., 0], b[..., 1]
-        if weave is not None:
-            cosine, sine = np.cos(weave), np.sin(weave)
-        gamma = shear_angle(I6, np.sqrt(I4 * I8 - I6 * I6), cosine, sine)
-        return np.stack([I4, I6, I8, gamma], -1)
+        return self._values()[..., -6:-2]
+
+    def strains_at_points(self) -> np.ndarray:
+        """eps_a, eps_b and shear angle (3, cells, points)."""
+        return np.moveaxis(self._values()[..., :-4:-1], -1, 0)
 
     def history(self) -> dict[str, Value]:
         """`min_stability`, the least ellipticity indicator of all points, negative where the law
@@ -252,26 +259,25 @@ class FabricStates(Term):
 
     def overstretched(self, strain: float) -> float:
         """Share of the area, 0 to 1, in whose cells a yarn is stretched by more than `strain`."""
-        stretches = np.sqrt(self.invariants_at_points()[..., [0, 2]])
-        return self.share_of(np.einsum("q,cqk->ck", self.weights, stretches).max(1) - 1 > strain)
+        strains = self.strains_at_points()[:2] @ self.weights
+        return self.share_of(strains.max(0) > strain)
 
     def shortening(self) -> np.ndarray:
         """Shortening of both yarns under compression, means over cells (cells, 2): the nominal
         strain, as far as the yarn's stress is what that strain alone gives. Contraction beside
         stretched yarns, free of stress, is not in it."""
-        invariants = self.invariants_at_points()
-        I4, _, I8, gamma = invariants.reshape(-1, 4).T
-        eps_a, eps_b, none = nominal_strain(I4), nominal_strain(I8), 0 * I4
+        strains = self.strains_at_points()
+        eps_a, eps_b, gamma, none = *strains.reshape(3, -1), np.zeros(strains[0].size)
 
         def stress(a, b, gamma):
             return self.law_of_points.derivatives(a, b, gamma, second=False).first
 
-        now, alone = stress(eps_a, eps_b, gamma), stress(eps_a, none, none)[:1]
-        alone = np.concatenate([alone, stress(none, eps_b, none)[1:2]])
+        now = stress(eps_a, eps_b, gamma)
+        alone = np.stack([stress(eps_a, none, none)[0], stress(none, eps_b, none)[1]])
         share = np.clip(now[:2] / np.minimum(alone, -1e-300), 0.0, 1.0)
         share[(alone == 0) & (now[:2] <= 0)] = 1.0  # laws that do not resist compression
         short = np.maximum(0.0, -np.stack([eps_a, eps_b])) * share
-        return np.einsum("q,kcq->ck", self.weights, short.reshape(2, *invariants.shape[:2]))
+        return (short.reshape(strains[:2].shape) @ self.weights).T
 
     def share_of(self, cells: np.ndarray) -> float:
         """Share of the part's area that lies in `cells` (cells,) of bool, of all ranks."""

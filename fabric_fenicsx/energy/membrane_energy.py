@@ -6,9 +6,8 @@ paper's W_tot, eq. (30), is the law's: `WovenFabric.energy` in `material/laws/co
 
 - To change W, write a law (docs/howto/own_law.md); all below stays.
 - To change a strain, change it in `material/strains.py`, with its derivatives in `in_invariants`.
-- After a change below, delete the method `Membrane.variations`, so that UFL derives all (but
-  friction between yarns, which then has no force), or correct `variations`;
-  tests/energy/test_convergence.py compares the two.
+- After a change below correct `variations`, or delete the method `Membrane.variations`, so that
+  UFL derives all but friction between yarns. Each run compares both with the kernel.
 
     a0, b0, u -> fa, fb -> I4, I6, I8 -> eps_a, eps_b, gamma -> W -> t W dx
 """
@@ -75,6 +74,17 @@ def integral(values: Expr, rules: Quadratures) -> Form:
 # -- Derivatives by hand, as tangents by `ufl.derivative` take 1.8 to 2.3 times as long to assemble;
 
 
+def slopes(I: tuple[Expr, Expr, Expr], cosine: Expr, law: Energy) -> tuple[list, list]:
+    """W_i [3] and W_ij [3][3], derivatives of W in I = (I4, I6, I8)."""
+    I4, I6, I8 = I
+    q = [variable(strain) for strain in strains(I4, I6, I8, cosine)]
+    W = energy_in_ufl(law, *q)
+    W1 = [diff(W, x) for x in q]  # in the strains
+    # min and max, so that UFL sees one expression for both of a symmetric pair
+    W2 = [[diff(W1[min(i, j)], q[max(i, j)]) for j in range(3)] for i in range(3)]
+    return in_invariants(I, 1 / sqrt(I4 * I8 - I6**2), W1, W2)
+
+
 def variations(
     f: Yarns, dv: Yarns, dw: Yarns, cosine: Expr, law: Energy, rules: Quadratures
 ) -> list[Form]:
@@ -85,14 +95,7 @@ def variations(
     v E'' w = int t (sum_ij dI_i(v) W_ij dI_j(w) + sum_i W_i ddI_i(v, w)) dA
     """
     (fa, fb), (va, vb), (wa, wb) = f, dv, dw
-    I4, I6, I8 = invariants(fa, fb)
-    q = [variable(strain) for strain in strains(I4, I6, I8, cosine)]
-    W = energy_in_ufl(law, *q)
-    W1 = [diff(W, x) for x in q]  # in the strains
-    # min and max, so that UFL sees one expression for both of a symmetric pair
-    W2 = [[diff(W1[min(i, j)], q[max(i, j)]) for j in range(3)] for i in range(3)]
-    W_i, W_ij = in_invariants((I4, I6, I8), 1 / sqrt(I4 * I8 - I6**2), W1, W2)
-    assert W_ij  # which is None without W2
+    W_i, W_ij = slopes(invariants(fa, fb), cosine, law)
     dIv = 2 * dot(fa, va), dot(fa, vb) + dot(fb, va), 2 * dot(fb, vb)
     dIw = 2 * dot(fa, wa), dot(fa, wb) + dot(fb, wa), 2 * dot(fb, wb)
     ddI = 2 * dot(va, wa), dot(va, wb) + dot(vb, wa), 2 * dot(vb, wb)

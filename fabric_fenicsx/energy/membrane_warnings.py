@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from ..core.formatting import of_sheet, percent, rounded
 from ..material import stability
-from ..material.strains import CRUMPLED, nominal_strain
+from ..material.strains import CRUMPLED
 from ..sheet.part import MAX_OFF_YARNS
 from .bending import Bending
 from .membrane import Membrane
@@ -26,13 +26,11 @@ def band_warning(membrane: Membrane) -> str:
     state, else "".
 
     The law has no length, so a band is as wide as a row of cells, and which of two rows becomes one
-    is open: with yarns at +-45 deg the double dome's corner has neighbouring equilibria, whose
-    largest shear angles are 52.1 and 54.5 deg. Bending within the sheet, of stiffness B, makes it
-    about sqrt(B / Gt) wide; a layer of shear is right to 3 % in cells of half of that.
+    is open. Bending within the sheet, of stiffness B, makes it about sqrt(B / Gt) wide; a layer of
+    shear is right to 3 % in cells of half of that.
     """
     part, blank, comm = membrane.part, membrane.blank, membrane.blank.mesh.comm
-    invariants = membrane.invariants_at_points()
-    state = stability.evaluate(membrane.law_of_points, invariants)
+    state = stability.evaluate(membrane.law_of_points, membrane.invariants_at_points())
     least = state.ellipticity.min(1)
     share = membrane.share_of(least < 0)
     if share <= 0.01:
@@ -50,7 +48,7 @@ def band_warning(membrane: Membrane) -> str:
     B = max((term.within for term in terms if term.part_name in ("", part.name)), default=0.0)
     Gt = shear * membrane.fabric.thickness
     rim = (least < 0) & blank.at_rim()[part.cells]
-    short = -nominal_strain(invariants[rim][..., [0, 2]]).min(initial=1.0)
+    short = -membrane.strains_at_points()[:2, rim].min(initial=1.0)
     short, apart = comm.allreduce(short, MPI.MAX), ""
     if short > CRUMPLED:
         apart = f". The row of cells at its edge, where yarns are shortened by {percent(short)}, "
@@ -64,7 +62,8 @@ def band_warning(membrane: Membrane) -> str:
         f"in {percent(share)} of {part.name or blank.name}, e.g. at {of_sheet(centre)}, "
         "the law allows bands: strains concentrate in rows of cells that depend on mesh and steps, "
         "and so do the largest strains and shear angles, unless in-plane bending "
-        f"(`in_plane_stiffness`, B) gives bands a width{width}{apart}"
+        f"(`in_plane_stiffness`, B) gives bands a width{width}{apart}; use neither "
+        "of these values, or check them with another `nx`"
     )
 
 
@@ -131,15 +130,12 @@ def _is_at_rest(membrane):
 
 def alternating_energy(membrane: Membrane) -> float:
     """Share of the strain energy that goes when yarn strains are smoothed over neighbours."""
-    blank, state = membrane.blank, membrane.state()[0]
-    stretches, gamma = np.sqrt(state.invariants[..., [0, 2]]), state.invariants[..., 3]
-    cells = membrane.part.cells
-    areas, means = blank.areas()[cells], np.einsum("q,cqk->ck", membrane.weights, stretches)
-    smooth = blank.smoothed(means, cells)[:, None]
-    a, b = np.moveaxis(np.broadcast_to(smooth - 1, stretches.shape), -1, 0)
-    strains = a.ravel(), b.ravel(), gamma.ravel()
-    density = membrane.law_of_points.derivatives(*strains, second=False).parts.sum(-1)
-    densities = state.energy, density.reshape(gamma.shape)
+    blank, cells, strains = membrane.blank, membrane.part.cells, membrane.strains_at_points().copy()
+    areas, shape = blank.areas()[cells], strains[0].shape
+    strains[:2] = blank.smoothed((strains[:2] @ membrane.weights).T, cells).T[..., None]
+    a, b, gamma = strains.reshape(3, -1)
+    density = membrane.law_of_points.derivatives(a, b, gamma, second=False).parts.sum(-1)
+    densities = membrane.state()[0].energy, density.reshape(shape)
     parts = np.array([areas @ (each @ membrane.weights) for each in densities])
     whole, smoothed = blank.mesh.comm.allreduce(parts)
     return float((whole - smoothed) / whole) if whole > 0 else 0.0
@@ -152,8 +148,8 @@ def range_warnings(membrane: Membrane) -> list[str]:
     ranges, areas = membrane.fabric.ranges(), membrane.blank.areas()[part.cells]
     if not ranges:
         return []
-    I4, _, I8, gamma = np.moveaxis(membrane.invariants_at_points(), -1, 0)
-    strains = {"eps_a": nominal_strain(I4), "eps_b": nominal_strain(I8), "gamma": abs(gamma)}
+    eps_a, eps_b, gamma = membrane.strains_at_points()
+    strains = {"eps_a": eps_a, "eps_b": eps_b, "gamma": abs(gamma)}
     whole, texts = comm.allreduce(float(areas.sum())), []
     as_angle = lambda v: f"{rounded(math.degrees(v), 4)} deg"  # noqa: E731
     for limits in ranges:

@@ -14,7 +14,9 @@ Against Abaqus' VUMAT interface:
 | `stateNew` | `State.sliding`; `State.invariants`, `State.energy_parts`, `State.strain_state` |
 | `charLength` etc. | not needed: the law has no rate |
 
-The membrane keeps its thickness (lambda_3 = 1), so J of eq. (4) is the change of area.
+The membrane keeps its thickness (lambda_3 = 1), so J of eq. (4) is the change of area. The
+formulas from C to strains and stress are the kernel's own: each run compares its stress with that
+of the elements, from `strains.py` and `membrane_energy.py`.
 """
 
 from typing import NamedTuple
@@ -23,8 +25,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.errors import InputError
+from ..core.rules import Rule
 from .laws import Law
-from .strains import check_weave_angle, in_invariants, nominal_strain, shear_angle
 
 
 class State(NamedTuple):
@@ -70,59 +72,64 @@ def evaluate(
     (k,), of the elements of `shear_friction` before the step [rad], which has no part without it.
     """
     measure, C = _deformation(stretch, gradient, cauchy_green)
-    (a1, a2), (b1, b2) = _directions(fibres)
+    (a1, a2), (b1, b2) = a0, b0 = _directions(fibres)
     C11, C12, C22 = C[:, 0, 0], C[:, 0, 1], C[:, 1, 1]
-    J2 = C11 * C22 - C12**2
-    Cb1, Cb2 = C11 * b1 + C12 * b2, C12 * b1 + C22 * b2
-    I4 = a1 * (C11 * a1 + C12 * a2) + a2 * (C12 * a1 + C22 * a2)
-    I6, I8 = a1 * Cb1 + a2 * Cb2, b1 * Cb1 + b2 * Cb2
-    cosine, sine = a1 * b1 + a2 * b2, np.abs(a1 * b2 - a2 * b1)
-    area = np.sqrt(J2) * sine
+    J = np.sqrt(C11 * C22 - C12**2)
+    # stretches of the yarns, and cosine and sine of the angle between them
+    I4, I8 = (C11 * x**2 + 2 * C12 * x * y + C22 * y**2 for x, y in (a0, b0))
+    la, lb = np.sqrt(I4), np.sqrt(I8)
+    cosine = (a1 * (C11 * b1 + C12 * b2) + a2 * (C12 * b1 + C22 * b2)) / (la * lb)
+    flat = np.abs(a1 * b2 - a2 * b1)  # the sine before
+    sine = J * flat / (la * lb)
+    start = np.arctan2(flat, a1 * b1 + a2 * b2)
     if weave_angle is not None:
-        weave = check_weave_angle(weave_angle)
-        cosine, sine = np.cos(weave), np.sin(weave)
-    gamma = shear_angle(I6, area, cosine, sine)
+        start = check_weave_angle(weave_angle)
+    gamma = start - np.arctan2(sine, cosine)
 
-    W = fabric.derivatives(nominal_strain(I4), nominal_strain(I8), gamma, tangent)
-    slid = None
-    if sliding is not None:
-        W, slid = _with_friction(fabric, W, gamma, sliding)
-    square = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # places of aa, ab, bb, ag, bg, gg
-    W2 = None if W.second is None else W.second[square]
-    slopes, bends = in_invariants((I4, I6, I8), 1 / area, W.first, W2)
-    # dI/dC in Voigt's 11, 22, 12: dI4/dC = a a, dI6/dC = sym(a b), dI8/dC = b b
-    M = np.empty((3, len(C), 3))
-    M[0].T[:] = a1 * a1, a2 * a2, a1 * a2
-    M[1].T[:] = a1 * b1, a2 * b2, (a1 * b2 + a2 * b1) / 2
-    M[2].T[:] = b1 * b1, b2 * b2, b1 * b2
-    # S = 2 dW/dC; eqs (11), (12)
-    S = 2 * sum(w[:, None] * m for w, m in zip(slopes, M))[:, [[0, 2], [2, 1]]]
+    # lambda - 1 would lose digits
+    eps_a, eps_b = (np.expm1(np.log(I) / 2) for I in (I4, I8))
+    W = fabric.derivatives(eps_a, eps_b, gamma, tangent)
+    slid = None if sliding is None else _add_friction(fabric, W, gamma, sliding)
+    a, b = a0 / la, b0 / lb
+    aa, bb, ab = (np.einsum("in,jn->ijn", *pair) for pair in ((a, a), (b, b), (a, b)))
+    # of lambda_a, lambda_b, gamma in E; eq. (12)
+    slopes = np.array([la * aa, lb * bb, (ab + ab.swapaxes(0, 1) - cosine * (aa + bb)) / sine])
+    S = np.einsum("kn,kijn->nij", W.first, slopes)
     push = measure
     if cauchy_green is not None:  # U of C in closed form (Cayley-Hamilton)
-        J = np.sqrt(J2)
         push = (C + J[:, None, None] * np.eye(2)) / np.sqrt(C11 + C22 + 2 * J)[:, None, None]
     return State(
-        invariants=np.stack([I4, I6, I8, gamma], -1),
+        invariants=np.stack([I4, cosine * la * lb, I8, gamma], -1),
         energy=W.parts.sum(-1),
         energy_parts=W.parts,
         S=S,
-        cauchy=np.einsum("nij,njk,nlk->nil", push, S, push) / np.sqrt(J2)[:, None, None],
+        cauchy=np.einsum("nij,njk,nlk->nil", push, S, push) / J[:, None, None],
         strain_state=1 + (I8 <= 1) + 2 * (I4 <= 1),
-        tangent=None if bends is None else 4 * np.einsum("ijn,inp,jnq->npq", bends, M, M),
+        tangent=_tangent(W, slopes, la, lb, cosine / sine) if tangent else None,
         sliding=slid,
     )
 
 
-def _with_friction(fabric, W, gamma, sliding):
-    """The derivatives with friction between yarns, and the sliding after the step (n, k)."""
+def _tangent(W, slopes, la, lb, cotangent):
+    """dS/dE (n, 3, 3), by the second derivatives of W and those of the strains in E."""
+    Wa, Wb, Wg = W.first
+    turn = cotangent * Wg
+    aa, ab, bb = turn / la**2 - Wa / la, -turn / (la * lb), turn / lb**2 - Wb / lb
+    second = W.second + [aa, ab, bb, -Wg / la, -Wg / lb, turn]
+    square, voigt = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]]), slopes[:, [0, 1, 0], [0, 1, 1]]
+    return np.einsum("ijn,ipn,jqn->npq", second[square], voigt, voigt)
+
+
+def _add_friction(fabric, W, gamma, sliding):
+    """Add friction between yarns to the derivatives W; the sliding after the step (n, k)."""
     friction = fabric.shear_friction
-    count = len(friction.stiffness)
-    more = friction.respond(gamma, np.broadcast_to(sliding, (len(gamma), count)))
+    places = len(gamma), len(friction.stiffness)
+    more = friction.respond(gamma, np.broadcast_to(sliding, places))
     W.parts[:, 2] += more.energy
     W.first[2] += more.stress
     if W.second is not None:
         W.second[5] += more.tangent
-    return W, more.sliding
+    return more.sliding
 
 
 def _deformation(stretch, gradient, cauchy_green):
@@ -153,3 +160,10 @@ def _directions(fibres):
     if not unit or (np.abs((a * b).sum(1)) > 1 - 1e-9).any():
         raise InputError("fibres a0 and b0 must be unit vectors, and not parallel")
     return a.T, b.T
+
+
+def check_weave_angle(angle: float) -> float:
+    """`angle` between the yarns of a weave without shear [rad]; InputError unless it is above 0
+    and below pi."""
+    rule = Rule("an angle above 0 and below pi", lambda v: 0 < v < np.pi)
+    return rule.check("`weave_angle` [rad]", angle)

@@ -1,8 +1,5 @@
-"""The strains of a weave from its invariants, for NumPy and UFL alike."""
+"""The strains of a weave from its invariants, as the elements take them, in UFL and NumPy."""
 
-import math
-
-from ..core.rules import Rule
 from .functions import Number, atan, sqrt
 
 # nominal strain by which yarns are shorter under compression where a real ply rather wrinkles
@@ -29,17 +26,15 @@ def shear_angle(I6: Number, area: Number, cos_angle: Number, sin_angle: Number) 
 
 def in_invariants(
     I: Number, A: Number, W1: Number, W2: Number
-) -> tuple[list[Number], list[list[Number]] | None]:
+) -> tuple[list[Number], list[list[Number]]]:
     """First, [3], and second, [3][3], derivatives of an energy in I = (I4, I6, I8), from W1 [3] and
-    W2 [3][3] in (eps_a, eps_b, gamma); None without W2. A: 1 / sqrt(I4 I8 - I6^2)."""
+    W2 [3][3] in (eps_a, eps_b, gamma). A: 1 / sqrt(I4 I8 - I6^2)."""
     I4, I6, I8 = I
     depend = (0, 2), (2,), (1, 2)  # strains, of (eps_a, eps_b, gamma), on I4, on I6 and on I8
     three, a, b, g = range(3), 1 / sqrt(I4), 1 / sqrt(I8), I6 * A / 2
     # dq/dI
     J = {(0, 0): a / 2, (1, 2): b / 2, (2, 0): -g * a**2, (2, 1): A, (2, 2): -g * b**2}
     first = [sum(W1[k] * J[k, i] for k in depend[i]) for i in three]
-    if W2 is None:
-        return first, None
     A3 = A**2 * A
     H = {  # d2q/dI2
         (0, 0, 0): -a * a**2 / 4,
@@ -54,14 +49,6 @@ def in_invariants(
     moved = [[sum(W2[k][m] * J[m, j] for m in depend[j]) for j in three] for k in three]
 
     def second(i, j):
-        terms = [J[k, i] * moved[k][j] + W1[k] * H.get((k, i, j), 0) for k in depend[i]]
-        return sum(terms)
+        return sum(J[k, i] * moved[k][j] + W1[k] * H.get((k, i, j), 0) for k in depend[i])
 
     return first, [[second(min(i, j), max(i, j)) for j in three] for i in three]
-
-
-def check_weave_angle(angle: float) -> float:
-    """`angle` between the yarns of a weave without shear [rad]; InputError unless it is above 0
-    and below pi."""
-    rule = Rule("an angle above 0 and below pi", lambda v: 0 < v < math.pi)
-    return rule.check("`weave_angle` [rad]", angle)

@@ -198,9 +198,10 @@ def _draw_section(ax, scene, axis):
     ax.autoscale_view()
     ax.margins(0.05)
     ax.set_aspect("equal", adjustable="datalim")
-    ax.set_title(f"section {'xy'[axis]} = {rounded(middle[axis])}", fontsize=14)
-    ax.set_xlabel(f"{'xy'[along]} / mm", fontsize=13)
-    ax.set_ylabel("z / mm", fontsize=13)
+    ax.set_title(f"section {'xy'[axis]} = {rounded(middle[axis])}", fontsize=18)
+    ax.set_xlabel(f"{'xy'[along]} / mm", fontsize=17)
+    ax.set_ylabel("z / mm", fontsize=17)
+    ax.tick_params(labelsize=15)
     ax.grid(alpha=0.25)
 
 

@@ -239,13 +239,18 @@ class Output:
         return summary
 
     def report(self, description: str, ending: str, title: str = "") -> None:
-        """Write report.html of all that was written; ending: as of `report.page`."""
+        """Write report.html, and say the verdict of a run; ending: as of `report.page`."""
         if self.comm.rank != 0 or not self.parts:
             return
         folders = {part: self.path / part for part in ["", *self.parts]}
         runs = {part: (at / "summary.json", at.glob("*.png")) for part, at in folders.items()}
         page = report.page(title or self.name, runs, description, ending, self.path / "log.txt")
         replace_file(self.path / "report.html", page)
+        if ending == "done" and runs[""][0].is_file():
+            summary = read_json(runs[""][0])
+            texts = (each["text"] for each in summary["reasons"] if each["verdict"] != OK)
+            changes = dict.fromkeys(text.rpartition("; ")[2] for text in texts)
+            self.say("; ".join([f"verdict: {summary['verdict']}", *changes]))
         self.close()
 
     def close(self) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pyvista
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Colormap, ListedColormap
@@ -46,7 +47,8 @@ def figure(
     file = {"dpi": options.pop("dpi", 130), "bbox_inches": options.pop("bbox_inches", None)}
     drawn = Figure(figsize=size, layout="constrained")
     yield drawn, drawn.subplots(rows, columns, squeeze=False, **options)
-    drawn.savefig(path, **file)
+    with rc_context({"axes.formatter.min_exponent": 5}):  # 0.1 and 100, not powers of 10
+        drawn.savefig(path, **file)
 
 
 def colour_scale(colours: str, low: float, high: float) -> tuple[str, float, float]:
@@ -249,8 +251,7 @@ def state_map(path: File, grid: Grid, formed: bool = False, edges: Sequence[Outl
             ax.margins(0.02)
             for edge in edges:
                 ax.plot(*edge.formed[:, :2].T, color="k", lw=1.2)
-            ax.set_xlabel("x / mm")
-        left.set_ylabel("y / mm")
+        label_outer(np.array([[left, right]]))
         patches = [
             Patch(color=colour, label=f"{name}: {area[state == k].sum() / area.sum():.0%}")
             for k, (name, colour) in STATES.items()
@@ -340,5 +341,4 @@ def _laminate_marks(ply, metal, punch):
 
 def _first(s, holds):
     """The first of `s` (n,) where that holds; the start, which may lie on an edge, not counted."""
-    at = np.flatnonzero(holds[1:])
-    return float(s[1 + at[0]]) if len(at) else np.nan
+    return min(s[1:][holds[1:] > 0], default=np.nan)

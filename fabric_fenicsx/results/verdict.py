@@ -7,8 +7,9 @@ VERDICTS = OK, DOUBTFUL, INVALID = "ok", "doubtful", "invalid"  # from the best 
 
 
 class Reason(NamedTuple):
-    """Why a result is doubtful or invalid, or what an ok one does not say. of: of a doubt, which
-    quantities it is about: a part of their names; "" if it is about all."""
+    """Why a result is doubtful or invalid, or what an ok one does not say; its last clause, after a
+    semicolon, says what to change. of: of a doubt, a part of the names of the quantities that it is
+    about; "" if it is about all."""
 
     text: str
     of: str = ""

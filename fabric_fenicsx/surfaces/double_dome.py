@@ -1,4 +1,4 @@
-"""The double dome of the forming benchmark, with dimensions of its own."""
+"""The generic double dome, whose dimensions are this project's own, not the benchmark's."""
 
 import math
 from collections import namedtuple

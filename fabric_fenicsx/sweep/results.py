@@ -289,7 +289,7 @@ def _draw_trend(ax, runs, key, name, most=8):
     if runs and is_wide([float(run.values[key]) for run in runs]):
         ax.set_xscale("log")
     if 1 < len(groups) <= most:
-        ax.legend(fontsize="x-small")
+        ax.legend(fontsize="small")
     ax.grid(alpha=0.3)
 
 

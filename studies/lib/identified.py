@@ -50,14 +50,14 @@ def draw(result: Identification, stem: Path | str) -> list[str]:
     kinds = ["fit", "residuals", "correlation", *(["compaction"] if result.compaction else [])]
     files = {kind: f"{stem}_{kind}.png" for kind in kinds}
     for kind in ("fit", "residuals"):
-        size = 0.6 + 3.1 * across, 0.4 + 2.5 * down
+        size = 0.6 + 3.6 * across, 0.4 + 2.9 * down
         with figure(files[kind], size, down, across) as (_, axes):
             for ax, fit in zip(axes.flat, result.fits):
                 _draw_curve(ax, *fit, kind == "residuals" and math.sqrt(result.variance))
             for ax in axes.flat[count:]:
                 ax.set_axis_off()
             if kind == "fit":
-                axes[0, 0].legend(fontsize=7)
+                axes[0, 0].legend()
     with figure(files["correlation"], (1.8 + side, 1.2 + side)) as (page, ((ax,),)):
         image = ax.imshow(result.correlation, cmap="coolwarm", vmin=-1, vmax=1)
         ax.set_xticks(range(len(names)), names, rotation=90)
@@ -69,7 +69,7 @@ def draw(result: Identification, stem: Path | str) -> list[str]:
                 (dots,) = ax.semilogx(1e3 * test.pressure, measured, ".", label=test.file)
                 ax.semilogx(1e3 * test.pressure, fitted, "-", color=dots.get_color())
             ax.set(xlabel="pressure / kPa", ylabel="thickness of a ply / mm")
-            ax.legend(fontsize=8)
+            ax.legend()
     return [*files.values()]
 
 
@@ -82,12 +82,11 @@ def _draw_curve(ax, curve, response, predicted, sd, scale):
         ax.axhline(0, color="0.6", linewidth=0.8)
         off, sd = response.values - predicted, scale * sd
         ax.plot(x, off / np.where(sd > 0, sd, 1), ".", markersize=4)
-        ax.set_ylabel("residual / std. deviation", fontsize=8)
+        ax.set_ylabel("residual / std. deviation")
     else:
         style = {"fmt": ".", "markersize": 4, "elinewidth": 0.6}
         ax.errorbar(x, response.values, sd, label="measured", **style)
         ax.plot(x, predicted, "-", label="fitted")
-        ax.set_ylabel(f"{response.column} / {response.unit}", fontsize=8)
-    ax.set_xlabel(f"{name} / {unit}", fontsize=8)
-    ax.set_title(f"{curve.file.removesuffix('.csv')}: {response.column}", fontsize=8)
-    ax.tick_params(labelsize=7)
+        ax.set_ylabel(f"{response.column} / {response.unit}")
+    ax.set_xlabel(f"{name} / {unit}")
+    ax.set_title(f"{curve.file.removesuffix('.csv')}: {response.column}", fontsize="medium")
