@@ -6,8 +6,8 @@ from pathlib import Path
 from bench import explicit_code
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.cli.press_study import PressStudy, press_parser
 from fabric_fenicsx.cli.study import run
+from fabric_fenicsx.studies.lib.press_study import PressStudy, press_parser
 
 REFERENCE = Path(__file__).resolve().parents[1] / "studies" / "reference" / "openradioss"
 SAME = (  # as in OpenRadioss, which has rigid contact, and no bending: ours is small

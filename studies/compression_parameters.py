@@ -1,11 +1,11 @@
 """Influence of the compression parameters on a formed double dome: Figs 12 to 14 of Schäfer et al.,
 each varied alone."""
 
-from fabric_fenicsx.cli.press_study import PressStudy, press_parser
 from fabric_fenicsx.cli.study import run
 from fabric_fenicsx.core.errors import SolverFailure
 from fabric_fenicsx.results.verdict import INVALID, Reason
 from fabric_fenicsx.studies.lib import compression_parameters as parameters
+from fabric_fenicsx.studies.lib.press_study import PressStudy, press_parser
 
 
 def options():

@@ -1,7 +1,6 @@
 """Forming in a press of your own: blank, tools, holders and stages from a file."""
 
 from fabric_fenicsx.cli.options import Parser, option_type
-from fabric_fenicsx.cli.press_study import PressStudy, press_parser
 from fabric_fenicsx.cli.study import run
 from fabric_fenicsx.core.errors import InputError, SolverFailure
 from fabric_fenicsx.core.formatting import percent, rounded
@@ -10,6 +9,7 @@ from fabric_fenicsx.job.validity import AIM, MIN_CELLS, coarsest_waves
 from fabric_fenicsx.press.unloading import unloading
 from fabric_fenicsx.results.verdict import INVALID, Reason
 from fabric_fenicsx.studies.lib.coupling_variants import coupling_variants
+from fabric_fenicsx.studies.lib.press_study import PressStudy, press_parser
 from fabric_fenicsx.sweep.folder import REFINED, flat
 
 

@@ -8,8 +8,8 @@ import shapely
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.cli import results
-from fabric_fenicsx.cli.press_study import PressStudy, press_parser
 from fabric_fenicsx.results import pattern, states
+from fabric_fenicsx.studies.lib.press_study import PressStudy, press_parser
 
 TWO = {"lower": (0.5, 0.9), "upper": (1.2, 0.3)}  # plies and their thickness in cells [mm]
 

@@ -9,10 +9,10 @@ import pytest
 from builders import COMM
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.cli.press_study import PressStudy, press_parser
 from fabric_fenicsx.press.press import EXAMPLES
 from fabric_fenicsx.results import pictures
 from fabric_fenicsx.results.states import read_state
+from fabric_fenicsx.studies.lib.press_study import PressStudy, press_parser
 
 ROOT = EXAMPLES.parents[1]
 PRESS = EXAMPLES / "hemisphere.toml"

@@ -2,15 +2,15 @@
 
 from typing import Any
 
-from ..core.fields import declared
-from ..material.presets import read_laws
-from ..press.press import Press
-from ..press.schema import OF_ALL_PLIES, short_forms
-from ..results.result import Result
-from ..sheet.sheet import Sheet
-from ..solve.limits import Limits
-from .options import Parser, program, spelled
-from .study import Study, add_shared, kind_of_option
+from fabric_fenicsx.cli.options import Parser, program, spelled
+from fabric_fenicsx.cli.study import Study, add_shared, kind_of_option
+from fabric_fenicsx.core.fields import declared
+from fabric_fenicsx.material.presets import read_laws
+from fabric_fenicsx.press.press import Press
+from fabric_fenicsx.press.schema import OF_ALL_PLIES, short_forms
+from fabric_fenicsx.results.result import Result
+from fabric_fenicsx.sheet.sheet import Sheet
+from fabric_fenicsx.solve.limits import Limits
 
 
 def press_parser(description: str | None, name: str = Press.NAME, press: str = "") -> Parser:
