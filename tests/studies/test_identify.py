@@ -6,7 +6,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from fabric_fenicsx.identification import problem
 from fabric_fenicsx.material.presets import load
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
@@ -44,7 +43,7 @@ def test_by_formula_and_a_material_is_not_lost(launch, tmp_path):
 
 def test_a_fit_that_gives_up(launch, monkeypatch, tmp_path):
     failed = lambda _, x, **__: SimpleNamespace(status=0, nfev=300, x=x)  # noqa: E731
-    monkeypatch.setattr(problem, "least_squares", failed)
+    monkeypatch.setattr("scipy.optimize.least_squares", failed)
     done = launch("identify", *GLASS, tmp_path / "x.toml", out=False)
     words = "stopped: the fit of s1, s2, s3 did not converge in 300 evaluations"
     assert done.status == 3 and not list(tmp_path.iterdir())
