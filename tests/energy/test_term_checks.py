@@ -95,7 +95,7 @@ def test_what_differs_between_ranks():
     assert {f"rank{rank}" for rank in range(COMM.size)} <= run(kinds).summary["energy"].keys()
     if COMM.size == 1:
         return
-    words = "`history` of term springs gives .*0.* and .*1.* on different ranks; .*allreduce"
+    words = "`history` of term springs returns .*0.* and .*1.* on different ranks; .*allreduce"
     with pytest.raises(ff.InputError, match=words):
         run(with_own("history", lambda self: {"rank": COMM.rank}))
 
