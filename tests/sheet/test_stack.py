@@ -151,5 +151,5 @@ def test_patches_share_out_the_sheet():
             blank.divide(patches, "rest")
     blank.divide({"left": LEFT, "right": RIGHT}, "rest")
     assert list(blank.parts) == ["left", "right"]
-    with pytest.raises(ff.InputError, match="has parts left, right already"):
+    with pytest.raises(ff.InputError, match="already has parts left, right"):
         blank.divide({"right": RIGHT}, "rest")

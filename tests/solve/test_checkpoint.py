@@ -118,7 +118,7 @@ def test_a_checkpoint_of_another_problem_or_mesh_is_refused(shared_path):
     for sheet, problem, memory, words in (
         (blank, {"a": 1}, None, "made with a = 2, now it is 1"),
         (blank, given, {"0 slip": slip[:, :2]}, "where the terms have 0 slip .2,.$"),
-        (blank, given, {"0 slip": slip, "3 d": slip}, "remember 0 slip .3,., 3 d .3,.$"),
+        (blank, given, {"0 slip": slip, "3 d": slip}, "terms have 0 slip .3,., 3 d .3,.$"),
         (slit(COMM, 2), given, None, "is of another mesh, with 30 nodes; now there are"),
         (slit(COMM, 1, True), given, None, "is of another mesh, with 30 nodes; now there are"),
     ):
