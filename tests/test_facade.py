@@ -28,14 +28,15 @@ def test_what_takes_long_to_import_is_left_out(tmp_path):
     """PyVista, asyncio, and on Debian 12 setuptools' pkg_resources, which then does as usual."""
     code = """
 import sys, fabric_fenicsx as ff
-ff.Tensile(nx=2).job(steps=1).run("out", pictures=False)
+ff.Tensile(nx=2).job(steps=1).run("out", pictures=False, overwrite=True)
 print({"pyvista.core", "asyncio", "pkg_resources.extern"} & {*sys.modules})
 if "pkg_resources" in sys.modules:
     import pkg_resources
     assert pkg_resources.parse_version("10.0") > pkg_resources.parse_version("9.0")
 """
     how = {"capture_output": True, "text": True, "cwd": tmp_path}
-    done = subprocess.run([sys.executable, "-c", code], **how)
+    for _ in range(2):  # the first may compile, which imports it
+        done = subprocess.run([sys.executable, "-c", code], **how)
     assert done.stdout.splitlines()[-1:] == ["set()"], done.stdout + done.stderr
 
 
