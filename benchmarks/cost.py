@@ -25,14 +25,14 @@ SCENES = {
     "dome_47": f"{DOME} 47",
     "dome_94": f"{DOME} 94",
     "dome_45": f"{DOME} 24 --fibre-angle 45",
-    "two_plies": "form two_plies --nx 12",
+    "two_plies": "form {tree}/studies/presses/two_plies.toml --nx 12",
 }
 ALWAYS = "--no-pictures", "--no-error", "--overwrite"
 
 
 def run(tree, words, folder, ranks):
     """CPU seconds of a study in the tree of a commit, of all ranks, and its summary."""
-    name, *options = words.split()
+    name, *options = words.format(tree=tree).split()
     start = [sys.executable, str(tree / "fabric_fenicsx" / "studies" / f"{name}.py")]
     env = os.environ | {"PYTHONPATH": str(tree), "OMP_NUM_THREADS": "1"}
     env["XDG_CACHE_HOME"] = str(folder / "cache")

@@ -202,7 +202,7 @@ def run_command(run_script, tmp_path, hang):
         if study := script.startswith("studies/"):
             options.append("--no-pictures")
             options += [] if "identify" in script else ["--overwrite"]
-            options += ["--quick", "--steps", "1"] if quick and "identify" not in script else []
+            options += ["--quick", "--steps", "2"] if quick and "identify" not in script else []
         if script.endswith(".py"):
             status, out, err = run_script(tmp_path, ROOT / script, *options)
         else:
