@@ -27,11 +27,14 @@ SCENES = {
     "dome_45": f"{DOME} 24 --fibre-angle 45",
     "two_plies": "form {tree}/studies/presses/two_plies.toml --nx 12",
 }
+EARLIER = {SCENES["two_plies"]: "double_dome --stack {tree}/studies/stacks/two_plies.toml --nx 12"}
 ALWAYS = "--no-pictures", "--no-error", "--overwrite"
 
 
 def run(tree, words, folder, ranks):
     """CPU seconds of a study in the tree of a commit, of all ranks, and its summary."""
+    if words in EARLIER and (tree / "studies/stacks").exists():
+        words = EARLIER[words]
     name, *options = words.format(tree=tree).split()
     start = [sys.executable, str(tree / "fabric_fenicsx" / "studies" / f"{name}.py")]
     env = os.environ | {"PYTHONPATH": str(tree), "OMP_NUM_THREADS": "1"}
