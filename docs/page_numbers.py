@@ -206,10 +206,11 @@ def cpu_seconds(known: dict[str, float]) -> dict[str, float]:
     for command, name in re.findall(rows, (DOCS / "studies.md").read_text(), re.M):
         if known.get(name, 0) < 100:
             with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
-                os.symlink(ROOT / "studies", "studies")
+                for part in ("studies", "benchmarks"):
+                    os.symlink(ROOT / part, part)
                 before, words = sum(os.times()[2:4]), [sys.executable, *shlex.split(command)]
-                subprocess.run(words, **HOW | {"check": False})
-                known[name] = float(f"{sum(os.times()[2:4]) - before:.2g}")
+                if subprocess.run(words, **HOW | {"check": False}).returncode in (0, 3):
+                    known[name] = float(f"{sum(os.times()[2:4]) - before:.2g}")
     return known
 
 
