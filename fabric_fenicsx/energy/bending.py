@@ -140,13 +140,13 @@ class Bending(Term):
         is_curved = np.abs(cells.curved).max(initial=0) * np.sqrt(cells.area.max(initial=0)) > 1e-10
         weights = self._weights(scene, cells)
         within = ratio * weights + cells.area[:, None] * [own, own, 0.0]
-        # a zigzag that `within` does not see has the difference alone, below 0 if this is more
+        # modes that `within` misses would have a stiffness of `weights - within`, which may be < 0
         is_blind = blank.mesh.geometry.dim == 3 and (cells.within != cells.operator).any()
         is_off = is_curved or is_blind and (within > weights * (1 + 1e-9)).any()
         if blank.mesh.comm.allreduce(bool(is_off), MPI.LOR) and any(self._in_plane):
             raise InputError(
-                f"`in_plane` of the bending of {blank.name} needs a sheet that is flat undeformed, "
-                "on crossed cells in space with no more stiffness than out of the plane"
+                f"`in_plane` of the bending of {blank.name} needs a sheet that is flat undeformed "
+                "and, on crossed cells in space, must give no more stiffness than out of the plane"
             )
         flat = cells.curved * is_curved  # but for rounding
         self._cells = cells._replace(curved=flat, spread=TWIST[:, None] * cells.spread)
